@@ -1,7 +1,7 @@
 """The harness from Python: ``run``, ``stress`` and ``compare``, and what they return.
 
 The keywords are the commands' options: ``harness.config.options.RunOptions`` and ``harness.grid.options.GridOptions``.
-Wrong input raises ``InputError``: one sentence that names the keyword and how to mend it.
+Wrong input raises ``InputError``: one sentence that names the keyword and how to fix it.
 """
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ class Comparison:
         """Return how much more would decide what an interval leaves open."""
         few = [verdict for verdict in unsure if verdict.wanting]
         names = _some([name_of(verdict.metric) for verdict in few or unsure])
-        told = f"Too few {self.units} to tell ({names})" if few else f"The intervals of {names} leave it open"
+        told = f"Too few {self.units} for a verdict ({names})" if few else f"The intervals of {names} leave it open"
         known = [verdict.more_units for verdict in unsure if verdict.more_units is not None]
         if self.units == "vehicles":
             more = f"; about {max(known)} more that drive apart are needed" if len(known) == len(unsure) else ""

@@ -164,7 +164,8 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
     lines = [
         "# What mismatches cost",
         "",
-        "Trackers believe the sensor's data sheet; a mismatch changes what is true, or the noise or map they are told.",
+        "Trackers assume the sensor's data sheet; a mismatch changes the true sensor, or the noise or map that "
+        "trackers receive.",
         "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.",
         "Missed are vehicle-steps in sight, a run.",
         "",

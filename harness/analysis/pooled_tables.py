@@ -19,14 +19,14 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
     lines = [
         f"# {TITLE}",
         "",
-        "Every vehicle that carries the sensor is an episode of its own; all trackers saw the same detections. Means "
+        "Every vehicle that carries the sensor is a separate episode; all trackers got the same detections. Means "
         "over all samples of all files, with Student's 95 % intervals over files.",
         "",
         *_score_table(pooled),
         "",
         "## Hidden vehicles by the time since their last detection",
         "",
-        "Mean absolute longitudinal error, m; in brackets that of coasting at constant velocity, told the true "
+        "Mean absolute longitudinal error, m; in brackets that of constant-velocity prediction with the true "
         "association, on the same vehicle-steps; then the ratio with its interval, the number of vehicle-steps and the "
         "share of all hidden ones that the tracker follows.",
         "",

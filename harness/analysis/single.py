@@ -103,7 +103,8 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
 def notes_of(a: Source, b: Source) -> list[str]:
     """Return what has to be known of such a comparison."""
     notes = [
-        "One seed: vehicles are paired, so this tells nothing of other traffic. Vehicles that drive within 100 m of "
+        "One seed: vehicles are paired, so this does not generalise to other traffic. Vehicles that drive within 100 m "
+        "of "
         "each other count as partly the same one, so intervals rest on fewer vehicles than there are."
     ]
     shares = [float(column_of(side.rows, FOLLOWED)[0]) for side in (a, b)]
@@ -157,6 +158,6 @@ def _check_same_traffic(a: Source, b: Source) -> None:
     first, second = (runfolder.read_table(side.folder, runfolder.TRUTH, COMPARE, places)[places] for side in (a, b))
     if not first.equals(second):
         raise InputError(
-            f"compare: {a.name} and {b.name} are single runs on different traffic, which tells nothing; make the "
+            f"compare: {a.name} and {b.name} are single runs on different traffic, which cannot be compared; make the "
             f"second with `replay` {a.folder}, or compare grids of several seeds"
         )

@@ -127,7 +127,7 @@ def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], 
         wrong = values[np.isfinite(values) & ((values < quantity.least) | (values > quantity.most + ROUNDING))]
         if len(wrong):
             raise InputError(
-                f"`{parameter}`: {path}: {quantity.key} holds {wrong[0]:g}, which is no possible value of "
+                f"`{parameter}`: {path}: {quantity.key} holds {wrong[0]:g}, which is not a possible value of "
                 f"{quantity.label}; make it again"
             )
     keys = ["label", *(name for name in dict.fromkeys((*SETTING, RECORDING, *axes, "seed")) if name in done)]
@@ -137,7 +137,7 @@ def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], 
 
 def _open_run(name: str, folder: Path, parameter: str) -> Source:
     if not folder.is_dir():
-        raise InputError(f"`{parameter}`: {folder} is no folder; give the folder of a run or of a stress test")
+        raise InputError(f"`{parameter}`: {folder} is not a folder; give the folder of a run or of a stress test")
     manifest = runfolder.read_manifest(folder, parameter)
     check_unedited(folder, manifest, parameter)
     try:

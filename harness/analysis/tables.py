@@ -109,7 +109,7 @@ DEFINITION = (
 def break_sentence(entry: Break) -> str:
     """Return in words where a tracker breaks."""
     if entry.held_to is None:
-        return f"{entry.label}: too few occlusions to tell where it breaks"
+        return f"{entry.label}: too few occlusions to find its limit"
     if entry.density is None:
         return f"{entry.label}: holds up to {entry.held_to:g} veh/km/lane, the highest tested with enough occlusions"
     where = f"{entry.label}: breaks at {'or below ' if entry.at_lowest else ''}{entry.density:.0f} veh/km/lane"
@@ -125,7 +125,7 @@ HIDDEN_NOTE = (
 )
 FOLLOWED_NOTE = (
     "Errors while followed, each with the share of vehicle-steps that it is over; then on the vehicle-steps that both "
-    f"the tracker and coasting at constant velocity ({COASTING_TRACKER}, told the true association) follow:"
+    f"both the tracker and constant-velocity prediction ({COASTING_TRACKER}, with the true association) follow:"
 )
 REST_NOTE = "Identities, sets and time:"
 TRUST_NOTE = "Stated and observed uncertainty:"

@@ -56,7 +56,7 @@ class Limit:
         ceiling: What it may not be above; None for none.
 
     Raises:
-        InputError: The tolerance is no number or out of range.
+        InputError: The tolerance is not a number or out of range.
     """
 
     tolerance: float | None = None
@@ -92,7 +92,7 @@ class Rules:
         limits: Tolerances and bounds of single metrics, by key.
 
     Raises:
-        InputError: A tolerance is no number, or out of its range; or nothing is judged.
+        InputError: A tolerance is not a number, or out of its range; or nothing is judged.
     """
 
     tolerance: float = TOLERANCE
@@ -277,7 +277,7 @@ def _unknown(measured: Measured, changed: Collection[str]) -> str:
         return TOO_FEW
     fewest = FEWEST_EQUAL if measured.effect.difference == 0.0 else FEWEST_SHIFTED
     if measured.effect.se == 0.0 and measured.effect.units < fewest:
-        return f"all {measured.pairs} differences are equal, which tells nothing of their scatter"
+        return f"all {measured.pairs} differences are equal, so their scatter is unknown"
     return ""
 
 

@@ -5,7 +5,7 @@ class InputError(Exception):
     """The input is wrong: exit code 2, the message on one line.
 
     The message names the parameter in backticks, as Python spells it, or the file, says what is wrong with it, and how
-    to mend it. The command line spells the names of its own options as they are typed.
+    to fix it. The command line spells the names of its own options as they are typed.
     """
 
 

@@ -33,7 +33,7 @@ def checked_path(path: Path, parameter: str) -> Path:
     if "\0" in str(path):
         raise InputError(f"`{parameter}`: there is a null character in the path {str(path)[:60]!r}; leave it out")
     if not str(path).isprintable() and any(0xD800 <= ord(letter) < 0xDC80 for letter in str(path)):
-        raise InputError(f"`{parameter}`: the path {ascii(str(path))[:60]} is no text; give it in UTF-8")
+        raise InputError(f"`{parameter}`: the path {ascii(str(path))[:60]} is not valid text; give it in UTF-8")
     long = [part for part in path.parts if len(os.fsencode(part)) > LONGEST_NAME_BYTES]
     if long or len(os.fsencode(path)) > 4095:
         shown = (long or [str(path)])[0][:40]
@@ -42,7 +42,7 @@ def checked_path(path: Path, parameter: str) -> Path:
 
 
 def check_file(path: Path, parameter: str | None = None) -> None:
-    """Refuse what is there but is no ordinary file, such as a pipe, which would never end.
+    """Refuse what is there but is not a regular file, such as a pipe, which would never end.
 
     A file that is missing passes: whoever reads it says so in words of its own.
 
@@ -69,7 +69,7 @@ def read_text(path: Path, parameter: str | None = None) -> str:
     """Return the text of a file of settings or results.
 
     Raises:
-        InputError: It is no ordinary file, or larger than any that is written.
+        InputError: It is not a regular file, or larger than any that is written.
         OSError: It can't be read.
         ValueError: It is not UTF-8.
     """
@@ -91,7 +91,7 @@ def number(text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{text[:40]!r} is no number")
+        raise ValueError(f"{text[:40]!r} is not a number")
     return value
 
 

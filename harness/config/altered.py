@@ -32,60 +32,62 @@ class AlteredSettings(WithoutTruthValues):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     every_scan: Annotated[int, Field(ge=1, le=100)] = 1
-    """Of so many scans one is left, the truth between them left out too: 2 makes 5 Hz of 10 Hz."""
+    """Keep one scan of every N, with its truth: 2 turns 10 Hz into 5 Hz."""
     kept_probability: Probability = 1.0
-    """Probability with which each detection of a vehicle is kept."""
+    """Probability that a vehicle's detection is kept."""
     dark_share: Share = 0.0
-    """Share of the vehicles that are detected less than the others, for the whole run."""
+    """Share of the vehicles that are detected less often than the others, for the whole run."""
     dark_probability: Probability = 1.0
-    """Probability with which each detection of such a vehicle is kept."""
+    """Probability that a detection of such a vehicle is kept."""
     burst_share: Share = 0.0
-    """Share of each vehicle's time in bursts without any detection of it."""
+    """Share of each vehicle's time in bursts without a detection."""
     burst_s: Positive = 0.8
     """Mean length of such a burst."""
     hide_s: Annotated[tuple[Annotated[float, Field(gt=0.0, le=60.0)], ...], BeforeValidator(_times)] = ()
-    """Times for which moving vehicles are hidden on purpose: their detections are withheld (pseudo-occlusion)."""
+    """Durations for which the detections of moving vehicles are withheld (pseudo-occlusion)."""
     hide_after_s: Positive = 2.0
-    """Time in view, with no gap above half a second, after which a vehicle may be hidden."""
+    """Time in view, without a gap above 0.5 s, before a vehicle may be withheld."""
     hide_share: Share = 0.3
-    """Largest share of the detected vehicles that is hidden at one time."""
+    """Largest share of the detected vehicles that is withheld at one time."""
     half_range_m: Positive | None = None
-    """Distance at which half the detections of vehicles are kept, by a logistic curve; all at any distance if not set.
+    """Distance at which half the detections of vehicles are kept (logistic curve); if not set, all are kept.
     """
     half_range_width_m: Positive = 8.0
-    """Scale of that curve: so much nearer 73 % are kept."""
+    """Scale of that curve: 73 % are kept this much nearer."""
     false_kept: bool = True
     """Whether the sensor's own false detections are kept."""
     clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
-    """Expected number of false detections a scan that are added and flash up once."""
+    """Expected number of single-scan false detections added per scan."""
     persistent_clutter: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
-    """Expected number of false objects around the ego that are added and stay for a while."""
+    """Expected number of persistent false objects added around the ego."""
     persistent_clutter_s: Positive | None = None
-    """Their mean life; as the sensor's own if not set, and so for all figures of what is added."""
+    """Mean lifetime of the added false objects; the sensor's own value if not set (so for all values of added
+    objects)."""
     persistent_clutter_probability: Probability | None = None
-    """Probability with which each of them is detected in a scan."""
+    """Probability that each of them is detected in a scan."""
     persistent_clutter_moving: Annotated[float | None, Field(ge=0.0, le=1.0)] = None
     """Share of them that moves along a lane with the traffic."""
     persistent_clutter_occluded: bool | None = None
-    """Whether what is added and lasts is not detected in the shadow of a vehicle."""
+    """Whether vehicles hide added persistent objects from the sensor."""
     mirrored_clutter: Count = 0.0
-    """Expected number of false objects that are added and mirror a real vehicle."""
+    """Expected number of added false objects that mirror a real vehicle."""
     mirrored_clutter_s: Positive | None = None
-    """Their mean life."""
+    """Their mean lifetime."""
     mirrored_clutter_probability: Probability | None = None
-    """Probability with which each of them is detected in a scan."""
+    """Probability that each of them is detected in a scan."""
     posts_per_km: Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "1/km"})] = 0.0
-    """Expected number of posts and signs per kilometre of lane that are added."""
+    """Expected number of posts and signs added per kilometre of lane."""
     posts_probability: Probability | None = None
-    """Probability with which each of them is detected in a scan."""
+    """Probability that each of them is detected in a scan."""
     blind_s: NotNegative = 0.0
-    """Time for which there is no detection at all, again and again."""
+    """Duration of repeated blackouts: the sensor delivers no detections."""
     blind_every_s: Positive = 8.0
-    """Time from the end of one such time to the end of the next."""
+    """Time from the end of one blackout to the end of the next."""
     ego_std_m: NotNegative = 0.0
-    """Error of the ego's place, along and across, new in each scan; all that it detects is off with it."""
+    """Standard deviation of the ego's position error, along and across, independent in each scan; it shifts all
+    detections."""
     ego_std_deg: NotNegative = 0.0
-    """Error of the ego's heading, likewise."""
+    """Standard deviation of the ego's heading error, likewise."""
 
     @model_validator(mode="after")
     def _sees_at_times(self) -> AlteredSettings:

@@ -42,20 +42,20 @@ class RecordingConfig(_Strict):
     ego: Annotated[str, Field(min_length=1)] = "auto"
     """Name of the vehicle that carries the sensor, ``auto``, or ``each`` for every vehicle in turn."""
     start_s: Annotated[float, Field(ge=0.0, le=1e8)] = 0.0
-    """Where in the recording the run begins, seconds after its first row."""
+    """Start of the run in the recording, in seconds after its first row."""
     least_score: float | None = Field(default=None, json_schema_extra={"unit": "the detector's score"})
-    """Of a recording that brings its own detections those with a lower score are left out; as the format has it if not
-    set.
+    """For recordings with their own detections: detections with a lower score are dropped. The format sets the default.
     """
     map: bool = False
-    """Whether the map beside a recording that brings its own detections is the road; the plane without lanes if not."""
+    """For recordings with their own detections: use the recording's map as the road; otherwise a plane without
+    lanes."""
 
 
 class TrafficConfig(_Strict):
     """Which traffic is driven, and for how long."""
 
     net: Annotated[str, Field(min_length=1)] = "us101"
-    """Name of a network that travels with the package, or a folder or ``.sumocfg`` file."""
+    """Name of a bundled network, or a folder or ``.sumocfg`` file."""
     demand: Annotated[str, Field(min_length=1)] | None = None
     """Name of one of the network's demands; excludes ``density``. The network's default if neither is given."""
     density: Annotated[float, Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])] | None = Field(
@@ -65,10 +65,10 @@ class TrafficConfig(_Strict):
     default demand, unless it is a SUMO configuration with a demand of its own.
     """
     duration_s: Annotated[float, Field(ge=0.1, le=86_400.0)] = 60.0
-    """Scored time in seconds; warm-up comes on top. Of a recording, the seconds used."""
+    """Scored time in seconds, not counting the warm-up. For a recording, the seconds used."""
     broken_down: Annotated[int, Field(ge=0, le=100)] = 0
-    """Vehicles that stand broken down in main lanes of the section, from before the first frame on; the others steer
-    around them.
+    """Number of broken-down vehicles in main lanes of the section. They stand there from the first frame on; other
+    vehicles steer around them.
     """
     recording: RecordingConfig | None = None
     """Set where the traffic was recorded on a real road; there is neither demand nor density then."""
@@ -111,19 +111,19 @@ class BeliefsConfig(_Strict):
     clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] | None = None
     """Expected number of false detections a scan."""
     noise_factor: Annotated[float, Field(ge=1e-3, le=100.0)] | None = None
-    """Factor on every deviation that detections report, before any tracker sees them; 1 if not set."""
+    """Factor on every reported deviation, applied before any tracker; 1 if not set."""
     full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     """Visible fraction from which a vehicle is in plain view."""
     hidden_fraction: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
-    """Visible fraction below which a vehicle gives no detection."""
+    """Visible fraction below which a vehicle is not detected."""
     range_m: Annotated[float, Field(ge=1.0, le=1e4)] | None = None
     """Distance beyond which nothing is detected."""
     map: Literal["one-lane", "none"] | None = None
-    """The lanes that trackers know: ``none``, or of a main road ``one-lane`` as wide as all of them; all if not set."""
+    """Lanes that trackers know: ``none``, or (main roads) ``one-lane``, as wide as all lanes; if not set, all lanes."""
     map_shift_m: Annotated[float, Field(ge=-100.0, le=100.0)] | None = None
-    """How far to the left of the truth the map lies; in the plane to the north."""
+    """Shift of the trackers' map to the left of the true one; to the north in the plane."""
     lanes_left_out: tuple[int, ...] | None = None
-    """Numbers of lanes of a main road that the map lacks."""
+    """Numbers of main-road lanes that are missing in the trackers' map."""
 
     @model_validator(mode="after")
     def _no_map_has_no_lanes(self) -> Self:
@@ -154,13 +154,13 @@ class TrackerConfig(_Strict):
     particles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """Particles per vehicle, for particle filters."""
     model_file: Annotated[str, Field(min_length=1)] | None = None
-    """File of a fitted behaviour model to use in place of the one that travels with the package."""
+    """File of a fitted behaviour model; replaces the bundled one."""
     options: dict[str, Any] = Field(default_factory=dict)
     """The tracker's own settings by name."""
     believes: BeliefsConfig = Field(default_factory=BeliefsConfig)
-    """What any tracker is told of sensor and road."""
+    """Sensor and road data that trackers assume."""
     knows_signals: bool = False
-    """Whether any tracker is told, scan by scan, which of the road's signals let vehicles go."""
+    """Whether trackers receive the state of the traffic signals with each scan."""
     _factory: Callable[..., Any] | None = PrivateAttr(default=None)
 
     @property

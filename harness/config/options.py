@@ -297,7 +297,7 @@ def _checked_value(name: str, value: object, entry: Declared) -> object:
         bounds = f"{least:g} or more" if most is None else f"{least:g} to {most:g}"
         raise InputError(f"`{name}` {plain} is out of range: give {bounds}")
     if isinstance(plain, str) and not plain.isprintable() and any(0xD800 <= ord(letter) < 0xE000 for letter in plain):
-        raise InputError(f"`{name}`: {ascii(plain)[:60]} is no text; give it in UTF-8")
+        raise InputError(f"`{name}`: {ascii(plain)[:60]} is not valid text; give it in UTF-8")
     if Path in entry.types and isinstance(plain, str | os.PathLike):
         checked_path(Path(plain), name)
     if entry.types[0] is Path:
@@ -325,12 +325,12 @@ def setting_words(settings: Sequence[str] | Mapping[str, object] | None, paramet
     if not isinstance(settings, Mapping):
         for word in settings or ():
             if not isinstance(word, str):
-                raise InputError(f"`{parameter}`: {_short(word)} is no text KEY=VALUE")
+                raise InputError(f"`{parameter}`: {_short(word)} is not of the form KEY=VALUE")
         return list(settings or ())
     words: list[str] = []
     for key, value in settings.items():
         if not isinstance(key, str):
-            raise InputError(f"`{parameter}`: {_short(key)} is no name of a setting, for example 'sensor.range_m'")
+            raise InputError(f"`{parameter}`: {_short(key)} is not the key of a setting, for example 'sensor.range_m'")
         if isinstance(value, Mapping):
             words += setting_words({f"{key}.{name}": inner for name, inner in value.items()}, parameter)
         else:

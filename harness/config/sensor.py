@@ -27,115 +27,116 @@ class SensorSettings(WithoutTruthValues):
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     range_m: Positive = 100.0
-    """Nothing whose centre is further away is detected."""
+    """Range: objects whose centre is further away are not detected."""
     field_of_view_deg: Annotated[float, Field(gt=0.0, le=360.0)] = 360.0
     """Angle of view, centred on the ego's heading."""
     detection_probability: Probability = 0.95
-    """Probability of detecting a vehicle in plain view close by, single misses and runs of them together."""
+    """Probability of detecting a close vehicle in plain view, with single misses and runs of misses counted
+    together."""
     view_exponent: Probability = 1.0
-    """Power with which detection falls with the visible fraction below plain view; 0: whoever is not hidden is seen as
-    one in plain view is.
+    """Exponent of the visible fraction in the detection probability of partly hidden vehicles; 0: like vehicles in
+    plain view.
     """
     missed_far_share: Share = 0.0
-    """Share of detections that is lost at the edge of the range; it grows with the square of the distance."""
+    """Share of detections lost at the maximum range; it grows with the square of the distance."""
     missed_in_runs: Probability = 0.0
-    """Share of the misses that comes in runs; the rest is independent from scan to scan."""
+    """Share of the misses that come in runs; the others are independent from scan to scan."""
     missed_run_s: Positive = 0.3
     """Mean length of a run of misses of a vehicle in plain view."""
     missed_run_hidden_s: Positive = 0.6
-    """Mean length of such a run at the edge of being hidden; linear in between."""
+    """Mean length of such a run for a vehicle that is almost hidden; linear in between."""
     burst_share: Share = 0.0
-    """Share of a vehicle's time in bursts of misses that have nothing to do with visibility or range."""
+    """Share of a vehicle's time in bursts of misses that do not depend on visibility or range."""
     burst_s: Positive = 0.8
     """Mean length of such a burst."""
     detectability_share: Probability = 0.0
-    """Share of vehicles that are hard to detect: each keeps one factor on its detection probability all along."""
+    """Share of vehicles that are hard to detect. Each has a constant factor on its detection probability."""
     detectability_least: Probability = 0.3
-    """Smallest such factor; between it and one the factor is drawn from a beta distribution."""
+    """Smallest such factor; factors follow a beta distribution between it and 1."""
     detectability_mean: Probability = 0.65
     """Mean of the factors of vehicles that are hard to detect."""
     detectability_spread: Probability = 0.2
     """Standard deviation of these factors."""
     detectability_narrow: Probability = 1.0
-    """One more factor for narrow vehicles, which motorcycles are."""
+    """Additional factor for narrow vehicles, e.g. motorcycles."""
     detectability_narrow_m: Positive = 1.2
     """Width below which a vehicle is narrow."""
     full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.7
-    """Seen to this fraction or more a vehicle is in plain view; below it detection falls and noise grows."""
+    """Visible fraction from which a vehicle is in plain view; below it, detection falls and noise grows."""
     hidden_fraction: Probability = 0.15
-    """A vehicle seen to less than this fraction is hidden and never detected."""
+    """Visible fraction below which a vehicle is hidden and never detected."""
     clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 1.0
-    """Expected number of false detections a scan that flash up once, spread evenly over the road in view."""
+    """Expected number of single-scan false detections per scan, uniform over the road in view."""
     persistent_clutter: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
-    """Expected number of false objects around the ego that stay for a while."""
+    """Expected number of persistent false objects around the ego."""
     persistent_clutter_s: Positive = 3.0
-    """Their mean life."""
+    """Their mean lifetime."""
     persistent_clutter_probability: Probability = 0.6
-    """Probability with which each of them is detected in a scan."""
+    """Probability that each of them is detected in a scan."""
     persistent_clutter_moving: Probability = 0.3
-    """Share of them that moves along a lane with the traffic, as reflections do; the rest is fixed to the road."""
+    """Share of them that moves along a lane with the traffic, like reflections; the others do not move."""
     persistent_clutter_occluded: bool = False
-    """Whether false objects in the shadow of a vehicle are not detected: those that stay, mirrored ones and posts."""
+    """Whether vehicles hide persistent false objects, mirror images and posts from the sensor."""
     mirrored_clutter: Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "objects"})] = 0.0
-    """Expected number of false objects that mirror a real vehicle within range: they keep their distance to it."""
+    """Expected number of false objects that mirror a real vehicle within range at a constant offset."""
     mirrored_clutter_s: Positive = 3.0
-    """Their mean life."""
+    """Their mean lifetime."""
     mirrored_clutter_probability: Probability = 0.6
-    """Probability with which each of them is detected in a scan."""
+    """Probability that each of them is detected in a scan."""
     posts_per_km: Annotated[float, Field(ge=0.0, le=1000.0, json_schema_extra={"unit": "1/km"})] = 0.0
-    """Expected number of posts and signs per kilometre of lane that the detector takes for vehicles all along."""
+    """Expected number of posts and signs per kilometre of lane that the detector permanently reports as vehicles."""
     posts_probability: Probability = 0.9
-    """Probability with which each of them is detected in a scan."""
+    """Probability that each of them is detected in a scan."""
     std_lon_m: Positive = 0.3
-    """Longitudinal error of the box fitted to a vehicle in plain view."""
+    """Standard deviation of the box's longitudinal position error, vehicle in plain view."""
     std_lat_m: Positive = 0.2
-    """Lateral error of that box."""
+    """Standard deviation of the box's lateral position error."""
     std_range_m: NotNegative = 0.03
-    """Error along the line of sight at any distance."""
+    """Standard deviation along the line of sight, constant part."""
     std_range_share: NotNegative = 0.0
-    """Error along the line of sight in proportion to the distance."""
+    """Standard deviation along the line of sight, per metre of distance."""
     std_bearing_deg: NotNegative = 0.1
-    """Error of the bearing."""
+    """Standard deviation of the bearing error."""
     hidden_noise_factor: Annotated[float, Field(ge=1.0, le=1e4)] = 3.0
-    """Factor on all position errors at the edge of being hidden; it falls linearly to one at plain view."""
+    """Factor on all position errors of an almost hidden vehicle; it falls linearly to 1 in plain view."""
     bias_share: Probability = 0.0
-    """Share of the variance of position and size errors that drifts, vehicle by vehicle; the rest is new in each
-    scan.
+    """Share of the position and size error variance that drifts, per vehicle; the rest is independent in each scan.
     """
     bias_time_s: Positive = 1.0
-    """Time constant with which that share drifts (Ornstein-Uhlenbeck)."""
+    """Time constant of that drift (Ornstein-Uhlenbeck)."""
     centre_shift_share: Probability = 0.0
-    """Share of the hidden part of a partly hidden vehicle by which its box recedes, towards what is seen of it."""
+    """Shift of a partly hidden vehicle's box towards its visible part, as a share of the hidden part."""
     split_share: Share = 0.0
-    """Share of time in which a long vehicle is seen as two boxes."""
+    """Share of time in which a long vehicle is detected as two boxes."""
     split_s: Positive = 0.5
-    """Mean length of such a time."""
+    """Mean duration of such an interval."""
     split_length_m: NotNegative = 8.0
-    """Length from which a vehicle is long; 0: vehicles of any length are seen as two boxes."""
+    """Length above which a vehicle is long; 0: this applies to vehicles of any length."""
     merged_share: Share = 0.0
-    """Share of time in which two vehicles close together are seen as one box."""
+    """Share of time in which two vehicles close together are detected as one box."""
     merged_s: Positive = 0.4
-    """Mean length of such a time."""
+    """Mean duration of such an interval."""
     merged_gap_m: Positive = 1.5
-    """Gap between two bodies up to which they are close together."""
+    """Largest gap between two vehicles that are close together."""
     latency_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    """Age of the detections that a scan hands out."""
+    """Age of the detections in a scan."""
     std_length_m: Positive | None = 0.45
-    """Error of the length of the box fitted to a vehicle in plain view; see ``std_width_m``."""
+    """Standard deviation of the measured length, vehicle in plain view; see ``std_width_m``."""
     std_width_m: Positive | None = 0.18
-    """Error of its width; the sensor measures sizes if both are given."""
+    """Standard deviation of the measured width; the sensor measures sizes if both are set."""
     std_range_rate_mps: Positive | None = None
-    """Error of the measured range rate; none where the sensor does not measure it."""
+    """Standard deviation of the measured range rate; not set if the sensor does not measure it."""
     speed_obliquity_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
-    """Range rate gives a speed where the line of sight is within this angle of the road."""
+    """The range rate yields a speed if the line of sight is within this angle of the road."""
     road_width_m: Positive = 18.3
-    """Width of road that a tracker assumes clutter to spread over."""
+    """Road width over which trackers assume uniform clutter."""
     reported_factor: Positive = 1.0
-    """Factor on the deviation in plain view that detections report of themselves."""
+    """Factor on the reported standard deviation in plain view, relative to the true one."""
     reported_spread: Probability = 0.25
-    """Deviation of the logarithm of what they report from one detection to the next; half as much again by quantity."""
+    """Standard deviation of the logarithm of the reported deviation across detections; another half of it per
+    quantity."""
     reported_view: Probability = 0.25
-    """Power of the true growth of the noise with hiddenness with which it shows in what they report."""
+    """Exponent with which the true growth of the noise of hidden vehicles appears in the reported deviation."""
     nominal_detection_probability: Probability = 0.95
     """Data sheet: probability of detecting a vehicle in plain view."""
     nominal_clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 1.0

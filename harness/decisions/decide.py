@@ -54,7 +54,7 @@ def driver_of(name: str) -> Driver:
     try:
         driver = factory()
     except Exception as error:
-        raise InputError(f"`driver` {name}: it can't be built ({type(error).__name__}: {error}); mend it") from error
+        raise InputError(f"`driver` {name}: it can't be built ({type(error).__name__}: {error}); fix it") from error
     check_made(drivers, "driver", name, driver)
     return driver
 

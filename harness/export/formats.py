@@ -135,7 +135,7 @@ def _export_to_file(folder: Path, exporter: Exporter, out: Path, force: bool) ->
 
 
 def _exporter(name: str) -> Exporter:
-    """Return a format's exporter; the failures of another package's are the user's to mend."""
+    """Return a format's exporter; the failures of another package's are the user's to fix."""
     try:
         export = export_formats[name]
     except UnknownNameError as error:
@@ -151,14 +151,21 @@ def _exporter(name: str) -> Exporter:
             raise
         except Exception as error:
             problem = what_it_raised(error)
-            raise InputError(f"`to` {name}: it can't export {run.folder} ({problem}); mend it") from error
+            raise InputError(
+                f"`to` {name}: exporting {run.folder} failed ({problem}); fix the format's function"
+            ) from error
         if not isinstance(files, list | tuple) or not all(isinstance(file, Path) for file in files):
-            raise InputError(f"`to` {name}: it returned {_kind(files)}, not the list of paths that it wrote; mend it")
+            raise InputError(
+                f"`to` {name}: it returned {_kind(files)}, not the list of written paths; fix the format's function"
+            )
         for file in files:
             if not file.resolve().is_relative_to(folder.resolve()) or not file.is_file():
-                raise InputError(f"`to` {name}: it returned {file}, which is no file in the folder given; mend it")
+                raise InputError(
+                    f"`to` {name}: it returned {file}, which is not a file in the given folder; fix the "
+                    f"format's function"
+                )
         if not files:
-            raise InputError(f"`to` {name}: it returned no file; mend it")
+            raise InputError(f"`to` {name}: it returned no file; fix the format's function")
         return list(files)
 
     return checked

@@ -71,7 +71,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     """
     recording = run.config.traffic.recording
     if recording is None or recording.format != NAME or run.config.replay is None:
-        raise InputError(f"`to` kitti: {run.folder} is no run over a {NAME} recording")
+        raise InputError(f"`to` kitti: {run.folder} was not made from a {NAME} recording")
     least_score = least_score_of(NAME, recording.least_score)
     first = round(recording.start_s / STEP_S)
     read = [(files, _read(files, least_score)) for files in sequences(Path(run.config.replay))]

@@ -50,4 +50,4 @@ def check_replaceable_file(path: Path, element: str, force: bool) -> None:
     except OSError as error:
         raise InputError(f"`out`: can't replace {path}: {error.strerror}; choose another file") from None
     if f"<{element}".encode() not in head:
-        raise InputError(f"`out`: {path} is no earlier export; choose another file")
+        raise InputError(f"`out`: {path} is not an earlier export; choose another file")

@@ -196,7 +196,7 @@ def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
         traffic = [{DENSITY: value} for value in numbers(request.densities, "densities", "5:65:10")]
     if request.replay:
         if len({Path(path).name for path in request.replay}) < len(request.replay):
-            raise InputError("`replay`: two of the files have the same name; results are told apart by it")
+            raise InputError("`replay`: two of the files have the same name, which identifies results; rename one")
         # A run's folder has its ego; asking for one is refused where its configuration is made.
         egos = [request.ego or (None if is_run_folder(Path(path)) else EACH) for path in request.replay]
         return [{RECORDING: path, "ego": ego} for path, ego in zip(request.replay, egos, strict=True)]
@@ -215,7 +215,7 @@ def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
             raise InputError(f"`vary` {key}: given twice; for example `vary` {VARY_EXAMPLE}")
         instead = {"seed": "`seeds` 10", "traffic.density": "`densities` 5:65:10"}.get(key)
         if instead:
-            raise InputError(f"`vary` {key}: this axis has a parameter of its own; for example {instead}")
+            raise InputError(f"`vary` {key}: this axis has its own option; for example {instead}")
         if not key.startswith(("sensor.", "tracker.", "traffic.")):
             raise InputError(f"`vary` {key}: no such setting can be varied; for example `vary` {VARY_EXAMPLE}")
         axes[key] = numbers(text, "vary", VARY_EXAMPLE)

@@ -149,17 +149,17 @@ def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
 @contextmanager
 def _ends_in_one_line(what: str, done: Mapping[str, Row], runs: int) -> Iterator[None]:
     """Turn an interrupt, and what the system refuses, a full disk for example, into an error that says what is kept."""
-    mend = "go on with the same command and `resume`"
+    fix = "continue with the same command and `resume`"
     try:
         yield
     except KeyboardInterrupt:
-        raise RunInterruptedError(f"interrupted after {len(done)} of {runs} runs; {mend}") from None
+        raise RunInterruptedError(f"interrupted after {len(done)} of {runs} runs; {fix}") from None
     except (OSError, MemoryError) as error:
         problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         if isinstance(error, OSError) and error.strerror:
             problem = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
         raise RunError(
-            f"{what} can't go on ({problem}); {len(done)} of {runs} runs are kept; once that is mended, {mend}"
+            f"{what} can't continue ({problem}); {len(done)} of {runs} runs are kept; fix this, then {fix}"
         ) from error
 
 

@@ -88,7 +88,7 @@ def _tracker_path(tracker: object) -> str:
     module, name = getattr(tracker, "__module__", "__main__"), getattr(tracker, "__qualname__", "")
     if module == "__main__" or not name.isidentifier():
         raise InputError(
-            f"`trackers`: worker processes can't find {name or tracker!r}; put it into a module of its own and give "
+            f"`trackers`: worker processes can't import {name or tracker!r}; put it into a separate module and give "
             "'module:name'"
         )
     return f"{module}:{name}"

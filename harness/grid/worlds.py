@@ -125,7 +125,7 @@ def chosen_worlds(asked: str | None, sensor: SensorSettings, *, of_finished: boo
     for name, words in chosen.items():
         if of_finished and _simulates(words):
             raise InputError(
-                f"`mismatch` {_typed(name)}: it needs the sensor simulated anew, which finished runs in `replay` do "
+                f"`mismatch` {_typed(name)}: it needs a new sensor simulation, which finished runs in `replay` do "
                 "not allow; leave it or `replay` out"
             )
     return chosen

@@ -156,7 +156,7 @@ def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTr
     except UnknownNameError as error:
         raise InputError(f"`trackers`: {error}") from None
     if isinstance(built, TruthAssociatedTracker):
-        raise InputError(f"`trackers`: {tracker} is told the truth; it is a reference, not a tracker to be timed")
+        raise InputError(f"`trackers`: {tracker} knows the truth; it is a reference and is not timed")
     return TimedTracker(name, built, *of_mmpf)
 
 

@@ -26,7 +26,7 @@ ZERO_PLAIN = "datum.value == 0 ? '0' : format(datum.value, '+,d')"
 ROW_PX, FRAME_PX = 36, 60
 NOTE = (
     "Difference of b from a as a share of a's value, turned so that better is to the right, with 95 % intervals. The "
-    "grey band is the tolerance: b is no worse where its whole interval stays to the right of the band's left edge. "
+    "grey band is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. "
     "The scale is compressed beyond {:g} %."
 )
 HINT = "Point at a value to read it in its own unit."

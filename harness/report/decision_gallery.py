@@ -48,7 +48,7 @@ WHY_MISSED = {
     "hijacked": "its {track} sits on another vehicle",
 }
 WHY_PHANTOM = {
-    "ghost": "{track} follows nobody",
+    "ghost": "{track} follows no vehicle",
     "displaced": "{track} follows {vehicle}, but is not where that is",
     "hijacked": "{track} went over from another vehicle to {vehicle}",
 }

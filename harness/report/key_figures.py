@@ -81,7 +81,7 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
         (
             "Same track after an occlusion", "hidden for half a second or longer, then seen again",
             f"{kept} of {events}" if events else "no case",
-            _share(kept, events) if events >= FEWEST_EVENTS else f"too few to tell, n = {events}", "all", "",
+            _share(kept, events) if events >= FEWEST_EVENTS else f"too few samples, n = {events}", "all", "",
         ),
         (
             "False tracks out of sight", "tracks that follow no vehicle, per scan",
@@ -103,7 +103,7 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
         ),
         (
             "True position within the track's 95 % interval", "along the road, all vehicles",
-            within if samples >= FEWEST_SAMPLES else f"too few to tell, n = {samples}", "", "95 %",
+            within if samples >= FEWEST_SAMPLES else f"too few samples, n = {samples}", "", "95 %",
             "below: the tracker is too sure",
         ),
         (

@@ -43,7 +43,7 @@ def write_pictures(folder: Path, kind: str, parameter: str = "figures") -> list[
         raise InputError(f"`{parameter}` {kind}: no such kind of picture; choose one of {', '.join(KINDS)}")
     is_run = (folder / runfolder.TRUTH).is_file()
     if not is_run and (plan_of(folder) is None or not (folder / RUNS).is_file()):
-        raise InputError(f"`{parameter}`: {folder} is no run and no stress test; only their figures are drawn anew")
+        raise InputError(f"`{parameter}`: {folder} is neither a run nor a stress test; only their figures can be drawn")
     place = folder / runfolder.FIGURES
     place.mkdir(exist_ok=True)
     with sound_tables(folder, parameter), mpl.rc_context({"svg.hashsalt": SALT, "svg.fonttype": "none"}):

@@ -99,7 +99,7 @@ def _occlusions(metrics: Metrics) -> str:
         + "."
     )
     if events < FEWEST_EVENTS:
-        return f"{text} These are too few to tell a rate (n = {events})."
+        return f"{text} These are too few for a rate (n = {events})."
     short, long = occlusion.get("short"), occlusion.get("long")
     if not short or not long:
         return text
@@ -117,7 +117,7 @@ def _trust(metrics: Metrics) -> str:
         if share is None:
             continue
         if scores["n"] < FEWEST_SAMPLES:
-            parts.append(f"too few samples of {name} to tell (n = {scores['n']})")
+            parts.append(f"too few samples of {name} (n = {scores['n']})")
             continue
         verdict = "about right"
         if share < least:

@@ -171,7 +171,7 @@ def _draw_tracks(
         x, top, str(track_id), color=PURPLE, size=8.5, weight="bold", ha="center", va="bottom", zorder=10, clip_on=True
     )
     if vehicle is None:
-        return f"track {track_id} follows nobody"
+        return f"track {track_id} follows no vehicle"
     return f"track {track_id}: {np.hypot(x + centre - vehicle[0], y - vehicle[1]):.1f} m off"
 
 

@@ -84,7 +84,7 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
         ValueError: Truth is empty, lacks an ego, or holds what no vehicle or detection is.
     """
     if not len(truth):
-        raise ValueError("there is no vehicle in the truth")
+        raise ValueError("the truth contains no vehicle")
     table = TABLES[runfolder.TRUTH]
     columns = [name for name in (*table.needed, "direction_rad") if name in truth and not table.of(name).is_text]
     numbers = truth[columns].to_numpy(dtype=np.float64)

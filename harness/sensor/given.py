@@ -55,7 +55,7 @@ class GivenDetections:
     def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:
         """Hand out the detections of a frame of the drives; nothing is drawn of those that a detector found.
 
-        Vehicles out of range and labelled things that are no vehicles are out: nobody is judged on them.
+        Vehicles out of range and labelled objects other than vehicles are out: nobody is judged on them.
         """
         moment, ego = self.truth.moment(frame), frame.ego_pose
         away = np.hypot(frame.lon_m - ego.lon_m, frame.lat_m - ego.lat_m)

@@ -61,7 +61,9 @@ def _of_profile(profile: str) -> SensorSettings:
     except Exception as error:
         if is_built_in(profile):
             raise
-        raise InputError(f"`sensor` {profile}: it can't be made ({what_it_raised(error)}); mend it") from error
+        raise InputError(
+            f"`sensor` {profile}: creating it failed ({what_it_raised(error)}); fix the profile"
+        ) from error
     check_made(sensor_profiles, "sensor", profile, settings)
     return settings
 
@@ -76,7 +78,7 @@ def _first_complaint(error: ValidationError) -> str:
 
 @sensor_profiles.register("ideal")
 def ideal() -> SensorSettings:
-    """Return the detector of the paper: whoever is not hidden is seen, and nothing else is.
+    """Return The detector of the paper: every vehicle that is not hidden is detected; there are no false detections.
 
     A vehicle of which less than 0.16 is seen counts as completely occluded (Li, Zhan & Tomizuka 2018 do not say where
     they draw the line; 0.16 is taken). There are no misses, no clutter, no drift; the position errors are those of
@@ -96,7 +98,7 @@ def ideal() -> SensorSettings:
 
 @sensor_profiles.register("lidar")
 def lidar() -> SensorSettings:
-    """Return a roof lidar with a box detector that fails as real ones do: position and size.
+    """Return a roof lidar with a realistic box detector: position and size.
 
     Beside the noise of ``lidar-independent``, its failings are set after published detections that were counted against
     labels, which go on through occlusion: PointRCNN on the 21 sequences of KITTI tracking (76 % of 31 790 boxes found,
@@ -137,7 +139,7 @@ def lidar() -> SensorSettings:
 
 @sensor_profiles.register("lidar-real")
 def lidar_real() -> SensorSettings:
-    """Return a lidar fitted to real detections: docs/explanation/sensor.md says to which, how, and how well it fits.
+    """Return a lidar fitted to real detections; docs/explanation/sensor.md describes the data and the fit.
 
     Detection by visible fraction and range, runs of misses, lives of false objects and errors of boxes are those of
     PointRCNN on ten sequences of KITTI tracking and of PointPillars on 32 of V2V4Real, which these networks were partly
@@ -189,7 +191,7 @@ def lidar_real() -> SensorSettings:
 
 @sensor_profiles.register("kitti-pointrcnn")
 def kitti_pointrcnn() -> SensorSettings:
-    """Return what is known of PointRCNN's car boxes on KITTI tracking, which a recording brings; nothing is drawn.
+    """Return the data sheet of PointRCNN's car boxes on KITTI tracking; the recording contains the detections.
 
     Only reach, data sheet and the deviations that detections report of themselves count. They are set after the ten
     training sequences that are not in AB3DMOT's validation split, scores of 2 and more: robust deviations of 0.11 m
@@ -216,7 +218,7 @@ def kitti_pointrcnn() -> SensorSettings:
 
 @sensor_profiles.register("av2-points")
 def av2_points() -> SensorSettings:
-    """Return a detector that finds whatever at least three points of Argoverse 2's real lidars fell on.
+    """Return a detector that finds every object with at least three points of Argoverse 2's real lidars.
 
     Who is seen is on record, nothing else fails: there are no misses and no false boxes. How far boxes are off is
     drawn, after what detectors do on KITTI and V2V4Real: 0.15 m along and 0.1 m across vehicles, sizes by 0.25 m and

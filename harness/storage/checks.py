@@ -42,8 +42,8 @@ def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: 
         noted: How many rows the run has written; None if that is not known.
 
     Raises:
-        InputError: It is no ordinary file, damaged or too large, of a version to come, has columns of another kind than
-            numbers and texts, or more or fewer rows than were written.
+        InputError: It is not a regular file, damaged or too large, of a version to come, has columns of another kind
+            than numbers and texts, or more or fewer rows than were written.
     """
     check_file(path, parameter)
     place = f"`{parameter}`: {path}"
@@ -186,7 +186,7 @@ def _check_version(footer: pq.FileMetaData, place: str) -> None:
     """Refuse a table of a version to come; one without a version is of the first."""
     told = (footer.metadata or {}).get(VERSION_KEY.encode(), b"1")
     if not told.isdigit():
-        raise InputError(f"{place} has a {VERSION_KEY} that is no number; make the run again")
+        raise InputError(f"{place} has a {VERSION_KEY} that is not a number; make the run again")
     if int(told) > SCHEMA_VERSION:
         raise InputError(
             f"{place} has {VERSION_KEY} {told.decode()[:20]}, and this program reads up to {SCHEMA_VERSION}; install a "

@@ -77,5 +77,5 @@ def walls_of(rows: Sequence[Sequence[float]]) -> FloatArray:
 def _integers(values: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     found = np.array(values)
     if found.size and found.dtype.kind != "i":
-        raise ValueError("an index of the lanes is no whole number")
+        raise ValueError("an index of the lanes is not a whole number")
     return found.astype(np.int64)

@@ -62,7 +62,7 @@ def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
     Raises:
         InputError: It may not.
     """
-    mend = "choose another folder, or remove it yourself"
+    fix = "choose another folder, or remove it yourself"
     if folder.is_symlink():
         raise InputError(f"`{parameter}`: {folder} is a link; give the folder that it leads to")
     if not folder.is_dir():
@@ -71,14 +71,15 @@ def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
         return
     found = kind_of(folder)
     if found is None:
-        raise InputError(f"`{parameter}`: {folder} was not made by this program, so it stays; {mend}")
+        raise InputError(f"`{parameter}`: {folder} was not made by this program and is not replaced; {fix}")
     if found != kind:
-        raise InputError(f"`{parameter}`: {folder} is {IN_WORDS[found]}, not {IN_WORDS[kind]}; {mend}")
+        raise InputError(f"`{parameter}`: {folder} is {IN_WORDS[found]}, not {IN_WORDS[kind]}; {fix}")
     others = strangers(folder)
     if others:
         count = f" and {len(others) - 1} more" if len(others) > 1 else ""
         raise InputError(
-            f"`{parameter}`: {folder} holds {others[0]}{count}, which no command has written; move that away, or {mend}"
+            f"`{parameter}`: {folder} holds {others[0]}{count}, which this program did not write; move it away, or "
+            f"{fix}"
         )
 
 

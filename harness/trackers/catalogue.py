@@ -36,7 +36,7 @@ _BUILT_IN = {
     ),
     "stonesoup-jpda-stitched": (
         "stonesoup.trackers:build_stitched_jpda", "stonesoup.options:StitchedJpdaOptions",
-        "stonesoup-jpda, and a re-appearing vehicle takes its old identity",
+        "stonesoup-jpda; reappearing vehicles get their old identity back",
     ),
     "immortal-kalman": (
         "stonesoup.trackers:build_immortal", "stonesoup.options:ImmortalOptions",
@@ -44,7 +44,7 @@ _BUILT_IN = {
     ),
     "box-kalman": (
         "rivals.box_kalman:build_box_kalman", "rivals.box_kalman:BoxKalmanOptions",
-        "Kalman filters of boxes matched by their overlap, as AB3DMOT and SimpleTrack do it",
+        "Kalman filters of boxes matched by overlap, like AB3DMOT and SimpleTrack",
     ),
     "oc-sort": (
         "rivals.oc_sort:build_oc_sort", "rivals.oc_sort:OcSortOptions",
@@ -56,15 +56,15 @@ _BUILT_IN = {
     ),
     "pmbm": (
         "rivals.pmbm.tracker:build_pmbm", "rivals.pmbm.tracker:PmbmOptions",
-        "Poisson multi-Bernoulli mixture filter, aware of shadows",
+        "Poisson multi-Bernoulli mixture filter with an occlusion model",
     ),
     "oracle-kalman": (
         "oracle:build_oracle_kalman", "oracle:OracleOptions",
-        "Kalman filters told the true association: a reference, not a tracker",
+        "Kalman filters with the true association: a reference, not a tracker",
     ),
     "detections": (
         "detections:build_detections", "detections:DetectionsOptions",
-        "each scan's detections and nothing else: a baseline without memory, not a tracker",
+        "the detections of each scan: a baseline without memory, not a tracker",
     ),
 }  # fmt: skip
 _ROOM = "harness.trackers"
@@ -128,9 +128,7 @@ def build_tracker(
     except BaseException as error:
         if own or isinstance(error, KeyboardInterrupt) or told_to_end():
             raise
-        raise InputError(
-            f"`tracker` {_name_of(maker)}: it can't be built ({what_it_raised(error)}); mend it"
-        ) from error
+        raise InputError(f"`tracker` {_name_of(maker)}: it can't be built ({what_it_raised(error)}); fix it") from error
     return tracker
 
 

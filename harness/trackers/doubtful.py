@@ -29,25 +29,24 @@ class DoubtfulOptions(Settings):
     standing_mps: Positive = 2.0
     """A track stands if its speed may be below this."""
     standing_std: Annotated[NotNegative, in_unit("σ")] = 0.0  # noqa: RUF001
-    """How many of its stated deviations a speed may be off; the more, the longer a new track has to show that it
-    moves.
+    """Number of standard deviations of uncertainty allowed in that test; with more, a new track must move for longer.
     """
     flow_mps: Positive = 5.0
-    """Traffic flows if the median speed of the other confirmed tracks nearby is above this, without doubtful ones."""
+    """Traffic flows if the median speed of other confirmed, not doubtful tracks nearby is above this."""
     flow_within_m: Positive = 100.0
     """Tracks within this distance are nearby."""
     least_others: Annotated[int, Field(ge=1)] = 2
-    """With fewer tracks nearby than these nothing is known of the traffic, and nothing is doubtful."""
+    """With fewer tracks nearby, the traffic is unknown and no track is doubtful."""
     moved_s: NotNegative = 1.0
-    """A track whose speed was surely (by two deviations) above ``standing_mps`` for this long in all is a vehicle: it
+    """A track whose speed was above ``standing_mps`` (by two standard deviations) for this total time is a vehicle and
     may stop.
     """
     trusted_after_s: Positive = 10.0
-    """A track that has been followed for so long is not doubtful any more."""
+    """A track older than this is no longer doubtful."""
     path_half_width_m: NotNegative = 1.8
-    """A track this near to the ego's line ahead is in its path and never doubtful; 0 leaves paths out."""
+    """A track within this distance of the ego's line ahead is in its path and never doubtful; 0 ignores the path."""
     path_ahead_m: NotNegative = 100.0
-    """How far the ego's path reaches."""
+    """Length of the ego's path."""
 
 
 class DoubtingTracker:

@@ -71,13 +71,13 @@ def _checked(name: str, factory: MotionModelFactory) -> MotionModel:
             state[SPEED] = TRIAL_SPEED_MPS
             latents = model.draw_latents(state, np.random.default_rng(0))
     except Exception as error:
-        raise UnknownNameError(f"the motion model {name} can't be built ({what_it_raised(error)}); mend it") from error
+        raise UnknownNameError(f"the motion model {name} can't be built ({what_it_raised(error)}); fix it") from error
     if missing:
-        raise UnknownNameError(f"the motion model {name} is {type(model).__name__}, which has no {missing[0]}; mend it")
+        raise UnknownNameError(f"the motion model {name} is {type(model).__name__}, which has no {missing[0]}; fix it")
     if not isinstance(latents, np.ndarray) or latents.shape != (model.latent_size, 2):
         found = f"shape {latents.shape}" if isinstance(latents, np.ndarray) else type(latents).__name__
         raise UnknownNameError(
             f"the motion model {name}: draw_latents returned {found} for 2 particles, not (latent_size, 2) = "
-            f"({model.latent_size}, 2); mend it"
+            f"({model.latent_size}, 2); fix it"
         )
     return model

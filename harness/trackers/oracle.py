@@ -31,9 +31,9 @@ class OracleOptions(Settings):
     confirm_detections: Annotated[int, Field(ge=1)] = 3
     """Detections before a track is confirmed."""
     hidden_after_s: Positive = 0.5
-    """Unseen for longer, a track is reported as hidden, which is for pictures alone."""
+    """A track without detections for longer is reported as hidden; only pictures use this."""
     longest_unseen_s: Positive = 10.0
-    """Unseen for longer, a track ends; the vehicle returns under a new identity."""
+    """A track without detections for longer ends; the vehicle returns under a new identity."""
     birth_speed_std_mps: Positive = 10.0
     """Spread of a new track's speed around the ego's, where speed is not measured."""
     birth_lat_speed_std_mps: Positive = 1.0

@@ -82,7 +82,7 @@ class ProgramTracker:
         try:
             answer = self._program.ask("".join(_setting_lines(setting, own)), limits["start_timeout_s"])
         except RunError as error:
-            raise InputError(f"`tracker` {error}; mend the program") from None
+            raise InputError(f"`tracker` {error}; fix the program") from None
         if answer != [["ready"]]:
             raise InputError(f"`tracker` {name}: it answered {_shown(answer[0])} to the setting, not ready")
 

@@ -18,15 +18,15 @@ class TrackOptions(Settings):
     lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
     """Power spectral density of the lateral acceleration."""
     noise_factor: Annotated[Positive, in_unit("reported deviation")] = 1.0
-    """Standard deviation of the measurement noise in relation to what detections report; more than one where errors
-    repeat themselves from scan to scan.
+    """Standard deviation of the measurement noise relative to the reported one; above 1 where errors are correlated in
+    time.
     """
     gate_std: Positive = 3.9
     """A detection counts for a track within this many standard deviations."""
     confirm_detections: Annotated[int, Field(ge=1)] = 3
     """Detections before a track is confirmed."""
     held_unseen_s: Positive = 0.35
-    """An unconfirmed track ends when unseen for longer."""
+    """An unconfirmed track without detections for longer ends."""
     range_margin_m: NotNegative = 4.0
     """A track this far beyond the sensor's range ends."""
     birth_speed_std_mps: Positive = 10.0
@@ -34,6 +34,6 @@ class TrackOptions(Settings):
     birth_lat_speed_std_mps: Positive = 1.0
     """Spread of a new track's lateral speed."""
     hidden_after_s: Positive = 0.5
-    """Unseen for longer, a track is reported as hidden, which is for pictures alone."""
+    """A track without detections for longer is reported as hidden; only pictures use this."""
     doubtful: DoubtfulOptions = DoubtfulOptions()
     """When a track that stands amid moving traffic is reported as tentative only."""

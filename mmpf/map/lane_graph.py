@@ -128,7 +128,7 @@ class LaneGraph:
     def __post_init__(self) -> None:
         lanes = len(self.name)
         if lanes == 0 or len(set(self.name)) < lanes:
-            raise ValueError("a lane graph needs lanes, each with a name of its own")
+            raise ValueError("a lane graph needs lanes with unique names")
         for column in ("width_m", "speed_limit_mps", "left", "right", "in_junction"):
             if getattr(self, column).shape != (lanes,):
                 raise ValueError(f"lane graph: {column} has shape {getattr(self, column).shape}, not {(lanes,)}")
@@ -143,7 +143,7 @@ class LaneGraph:
             raise ValueError("lane graph: widths and speed limits must be positive")
         for indices, lowest in ((self.left, NOWHERE), (self.right, NOWHERE), (self.successor, 0)):
             if len(indices) and (indices.min() < lowest or indices.max() >= lanes):
-                raise ValueError("lane graph: a neighbour or successor is no lane")
+                raise ValueError("lane graph: a neighbour or successor is not a lane")
         if self.control is not None and len(self.control.kind) != len(self.successor):
             raise ValueError("lane graph: control does not have a place for each successor")
 

@@ -75,7 +75,7 @@ def _closing_gap_m(speed_mps: FloatArray, leader: Neighbour, driver: IdmParamete
 def intelligent_driver(
     driver: IdmParameters = TREIBER_2000, noise: ProcessNoise | None = None, name: str = "idm"
 ) -> Memoryless:
-    """Return IDM along the road with white acceleration noise; across it, a slow return to the lane's middle.
+    """Return Longitudinal IDM with white acceleration noise; lateral slow return to the lane's centre.
 
     By default the driver is that of the original publication and the noise, m/s per root second, the committed one.
     """

@@ -47,7 +47,7 @@ def threads() -> int:
     """
     text = os.environ.get(VARIABLE, "1")
     if not text.isdecimal() or int(text) < 1:
-        warnings.warn(f"{VARIABLE}={text} is no number from 1 to {MOST_THREADS}; one thread is used", stacklevel=2)
+        warnings.warn(f"{VARIABLE}={text} is not a number from 1 to {MOST_THREADS}; one thread is used", stacklevel=2)
         return 1
     return min(int(text), MOST_THREADS)
 

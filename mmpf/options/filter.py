@@ -40,16 +40,16 @@ class ModelErrorOptions(Settings):
     """
 
     speed: Annotated[NotNegative | None, in_unit("m/s/√s")] = None
-    """Noise on the longitudinal speed. None for what was better on the tuning seeds: nothing for a model that spreads
-    the speed itself, as the learned driver does (``mmpf.motion.protocol.spreads_speed``), under the joint rule, whose
-    smoothing keeps its particles apart, and 0.4 otherwise.
+    """Noise on the longitudinal speed. None selects the value that was better on the tuning seeds: 0 under the joint
+    rule for a model that spreads the speed itself (``mmpf.motion.protocol.spreads_speed``), such as the learned driver;
+    0.4 otherwise.
     """
     accel: Annotated[NotNegative, in_unit("m/s²/√s")] = 1.2
     """Noise on the longitudinal acceleration."""
     lat_speed: Annotated[NotNegative, in_unit("m/s/√s")] = 0.2
     """Noise on the lateral speed."""
     hidden_lon_factor: NotNegative = 1.3
-    """Factor on the longitudinal ones for components that are not seen: there the model alone says where they are."""
+    """Factor on the longitudinal noise of undetected components, whose position comes from the model alone."""
 
     def with_speed(self, otherwise: float = OTHER_SPEED_ERROR) -> Self:
         """Return the settings with a number for the speed, ``otherwise`` where none was set."""
@@ -60,45 +60,44 @@ class BirthOptions(Settings):
     """How the particles of a new component are drawn around its detection."""
 
     local_speed_share: Probability = 0.6
-    """Share of particles whose speed is drawn near the speed of the traffic around."""
+    """Share of particles whose speed is drawn near the speed of the surrounding traffic."""
     local_speed_std_mps: Positive = 2.5
     """Spread of their speeds."""
     other_speed_std_mps: Positive = 8.0
-    """Spread of the other particles' speeds: the neighbours alone would lose the fast lane."""
+    """Spread of the other particles' speeds; a prior from neighbours alone would miss vehicles in the fast lane."""
     standing_share: Probability = 0.1
-    """Share of particles that stand: traffic that flows fast would lose a car that has broken down."""
+    """Share of particles with zero speed, to detect broken-down cars in fast traffic."""
     lat_speed_std_mps: Positive = 0.4
     """Spread of the lateral speed."""
     accel_std_mps2: Positive = 0.7
     """Spread of the longitudinal acceleration."""
     local_range_m: Positive = 40.0
-    """Tracks within this distance tell the speed of the traffic around."""
+    """Tracks within this distance determine the speed of the surrounding traffic."""
     first_existence: Probability = 0.5
-    """Existence probability of the components of the first scan, of which nothing is known beforehand."""
+    """Existence probability of components born in the first scan."""
 
 
 class FlowOptions(Settings):
     """The speed of the traffic that a vehicle swims in, for motion models that ask for it."""
 
     length_m: Positive = 25.0
-    """The weight of a seen vehicle's speed falls by e over this distance."""
+    """Distance over which the weight of a detected vehicle's speed falls by the factor e."""
     other_lane_weight: Probability = 0.15
-    """Weight of vehicles in other lanes against those in the own lane."""
+    """Weight of vehicles in other lanes relative to those in the same lane."""
 
 
 class ReportingOptions(Settings):
     """When a component counts as hidden and which hidden ones are reported."""
 
     hidden_after_s: Positive = 0.25
-    """Unseen for longer, a component counts as hidden: it is reported as hidden, its particles move as those of a
-    hidden vehicle, and its speed tells newborn components nothing of the traffic.
+    """A component without detections for longer counts as hidden: it is reported as hidden, its particles move like
+    those of a hidden vehicle, and its speed is not used as traffic speed for newborn components.
     """
     reported_std_lon_m: Positive = 15.0
-    """A hidden component spread wider than this is kept in memory, for re-acquisition, but not reported: nobody could
-    use it.
+    """A hidden component with a wider spread is kept for re-acquisition but not reported.
     """
     reported_hidden_above: Probability = 0.05
-    """A hidden component that is a vehicle with less probability is kept in memory, but not reported."""
+    """A hidden component with a lower vehicle probability is kept but not reported."""
 
 
 class FilterOptions(Settings):

@@ -20,9 +20,9 @@ class PaperAssociation(Settings):
     the paper: the largest likelihood counts however small it is.
     """
     hit_gate_std: Positive = 4.5
-    """A component that performs an update counts as seen if a detection is within this many standard deviations."""
+    """A component that performs an update counts as detected if a detection is within this many standard deviations."""
     shadowed_share: Probability = 0.85
-    """Share of its extent in shadow from which a component counts as completely occluded."""
+    """A component with at least this share of its extent in shadow counts as completely occluded."""
 
 
 class PaperExistence(Settings):
@@ -37,7 +37,8 @@ class PaperExistence(Settings):
     product over time starves components.
     """
     weights_anew: bool = False
-    """Whether every scan begins with components that weigh alike, so that equation (11) speaks of that scan alone."""
+    """Whether component weights are reset to equal values before every scan, so that equation (11) uses that scan
+    alone."""
     confirm_hits: Annotated[int, Field(ge=1)] = 3
     """Scans with an update before a component is reported."""
 
@@ -48,9 +49,9 @@ class PaperRemoval(Settings):
     weight: Probability = 0.0
     """r of the paper: a component whose weight falls below this share of the mean component weight is removed."""
     longest_unseen_s: Positive = 10.0
-    """A component unseen for longer is removed."""
+    """A component without detections for longer is removed."""
     unconfirmed_unseen_s: Positive = 10.0
-    """One that was never confirmed is removed when unseen for longer."""
+    """An unconfirmed component without detections for longer is removed."""
     range_margin_m: NotNegative = 4.0
     """A component further than this beyond the sensor's range has left the observation area and is removed."""
 
@@ -70,8 +71,8 @@ class PaperMerging(Settings):
     lat_m: Positive = 1.0
     """See ``lon_m``."""
     keep_seen: bool = False
-    """Whether the name that stays is that of the confirmed one, among equals of the one in sight, and only then the
-    elder's.
+    """Whether a merged component keeps the identity of the confirmed one, then of the visible one, then of the older
+    one.
     """
 
 
@@ -83,9 +84,9 @@ class PaperReclustering(Settings):
     lat_m: Positive = 2.5
     """See ``lon_m``."""
     voters: Annotated[int, Field(ge=10)] = 200
-    """Particles of a group that vote on the medoids; the rest follow the nearest one."""
+    """Number of particles of a group that determine the medoids; the others join the nearest one."""
     alike: bool = False
-    """Whether each particle's vote counts alike, whatever it and its component weigh."""
+    """Whether all particles count equally, regardless of their weights and their component's weight."""
 
 
 CHARITABLE: dict[str, dict[str, Any]] = {
@@ -101,10 +102,10 @@ class MaxLikelihoodOptions(Settings):
     """The paper's own rule: each particle's likelihood is its largest over all detections."""
 
     reading: Reading = "literal"
-    """How the paper's text is read where it leaves a choice: as it stands, or as kindly to its rule as it allows.
-    ``charitable`` gives other defaults to ``association.gate_std`` (3), ``existence.weights_anew`` (true),
+    """Interpretation of the paper where its text is ambiguous: literal, or the one most favourable to its rule.
+    ``charitable`` changes the defaults of ``association.gate_std`` (3), ``existence.weights_anew`` (true),
     ``removal.unconfirmed_unseen_s`` (1), ``merging.keep_seen`` (true) and ``reclustering.lon_m``, ``lat_m`` and
-    ``alike`` (3, 1.2, true); what is set by hand stays.
+    ``alike`` (3, 1.2, true); explicit settings are kept.
     """
     association: PaperAssociation = PaperAssociation()
     """Which components take part in the measurement update."""

@@ -69,7 +69,7 @@ class UnseenOptions(Settings):
     queued: Positive = 3.0
     """and are so many times as dense as elsewhere."""
     run_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.12
-    """Share of time that vehicles are expected to spend in runs of misses that no shadow explains."""
+    """Expected share of time in runs of misses that no shadow explains."""
     run_s: Positive = 0.8
     """Mean length of such a run."""
     reach_prior_scans: Positive = 20.0

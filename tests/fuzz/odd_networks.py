@@ -234,7 +234,7 @@ ODD: dict[str, Callable[[], Odd]] = {
     "two towns a thousand kilometres apart": lambda: Odd(
         net=drawn("0,0 800,0", "1000000,1000000 1000800,1000000"), routes=flows(("e0", "e0"), ("e1", "e1"))
     ),
-    "an offset that is no number": lambda: Odd(
+    "an offset that is not a number": lambda: Odd(
         net=drawn(
             "0,0 800,0", location='netOffset="nan,inf" convBoundary="0,0,1,1" origBoundary="0,0,1,1" projParameter="!"'
         ),
@@ -257,7 +257,7 @@ ODD: dict[str, Callable[[], Odd]] = {
         additional=(buildings("130,130 150,130", "130,130", ""),)
     ),
     "a building whose points coincide": lambda: Odd(additional=(buildings("130,130 130,130 130,130 130,130"),)),
-    "a building that is no number": lambda: Odd(additional=(buildings("nan,130 150,130 inf,150"),)),
+    "a building that is not a number": lambda: Odd(additional=(buildings("nan,130 150,130 inf,150"),)),
     "a building that crosses itself": lambda: Odd(additional=(buildings("130,130 150,150 150,130 130,150"),)),
     "buildings in two files under one name": lambda: Odd(additional=(buildings(SQUARE), buildings(SQUARE))),
     "a roundabout of edges that are not there": lambda: Odd(

@@ -123,14 +123,14 @@ def test_a_file_is_never_taken_for_another_packages_format_that_nobody_names(exa
         ("None", "NoneType, not ReadTraffic"),
         ("replace(good, road=None)", "road is NoneType, not Road"),
         ("replace(good, names=good.names[[0, 0, 1]])", "names has one name twice"),
-        ("replace(good, names=['a', 'b', 'c'])", "names is no array of texts"),
+        ("replace(good, names=['a', 'b', 'c'])", "names is not an array of strings"),
         ("with_rows(lon_m=good.rows.lon_m[:5])", "rows.lon_m has shape (5,), rows.vehicle (93,)"),
         ("with_rows(speed_mps=good.rows.speed_mps.tolist())", "rows.speed_mps is list, not an array"),
         ("with_rows(vehicle=good.rows.vehicle + 1)", "rows.vehicle has 1 to 3, and names has 3 entries"),
         ("with_rows(vehicle=1.0 * good.rows.vehicle)", "rows.vehicle is float64, not int64"),
         ("replace(good, vehicles_read=2)", "vehicles_read is 2, less than the vehicles"),
         ("1 / 0", "ZeroDivisionError: division by zero"),
-        ("with_rows(time_s=good.rows.time_s * np.nan)", "time_s is no number"),
+        ("with_rows(time_s=good.rows.time_s * np.nan)", "time_s is not a number"),
     ],
 )
 def test_a_reader_that_returns_nonsense_is_told_which_check_fails(returned, told, example, tmp_path):
@@ -179,10 +179,10 @@ def test_an_export_format_of_another_package_is_found_by_its_name_or_its_place(n
 @pytest.mark.parametrize(
     ("returned", "told"),
     [
-        ("None", "it returned NoneType, not the list of paths"),
-        ("[str(folder)]", "it returned a list with str, not the list of paths"),
-        ("[folder / 'none.txt']", "none.txt, which is no file in the folder given"),
-        ("[Path(__file__)]", "odd_export.py, which is no file in the folder given"),
+        ("None", "it returned NoneType, not the list of written paths"),
+        ("[str(folder)]", "it returned a list with str, not the list of written paths"),
+        ("[folder / 'none.txt']", "none.txt, which is not a file in the given folder"),
+        ("[Path(__file__)]", "odd_export.py, which is not a file in the given folder"),
         ("[]", "it returned no file"),
         ("run.nothing", "AttributeError"),
     ],
@@ -246,7 +246,7 @@ def test_a_motion_model_that_returns_nonsense_is_told_what_is_wrong_with_it(step
     [
         ("tracker", "def make(setting, options): return {}['gain']", "can't be built (KeyError: 'gain', odd_parts.py"),
         ("tracker", "def make(road): return None", "with two arguments, setting (what the tracker may know) and"),
-        ("sensor", "def make(): return {}['range']", "can't be made (KeyError: 'range', odd_parts.py line 1"),
+        ("sensor", "def make(): return {}['range']", "creating it failed (KeyError: 'range', odd_parts.py line 1"),
         ("sensor", "def make(which): return None", "missing 1 required positional argument: 'which'"),
         ("sensor", "def make(): return None", "it returned NoneType, not SensorSettings"),
         ("model", "def make(): return {}['weights']", "can't be built (KeyError: 'weights', odd_parts.py line"),

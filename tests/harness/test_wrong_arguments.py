@@ -100,7 +100,7 @@ def test_results_that_are_nested_too_deeply_are_one_line(tmp_path, capfd):
 SPOILT_NETS = {
     "fine lateral resolution": {"options": '<lateral-resolution value="1e-9"/>'},
     "hexadecimal resolution": {"options": '<lateral-resolution value="0x1p-30"/>'},
-    "braking that is no number": {"options": '<default.emergencydecel value="nan"/>'},
+    "braking that is not a number": {"options": '<default.emergencydecel value="nan"/>'},
     "a polygon without colour": {"additional": '<a><poly id="p" type="building" shape="0,0 1,0 1,1"/></a>'},
 }
 

@@ -204,7 +204,7 @@ def averaged(candidates: Sequence[Candidate]) -> Candidate:
 
 
 def _mean(values: Sequence[object]) -> object:
-    """Return the mean of numbers, entry by entry of what holds them; what is no number is taken from the first."""
+    """Return the mean of numbers, entry by entry of what holds them; what is not a number is taken from the first."""
     match values[0]:
         case dict() as tables:
             return {key: _mean([value[key] for value in cast("Sequence[dict[str, object]]", values)]) for key in tables}

@@ -74,7 +74,7 @@ def as_markdown(result: Fidelity) -> str:
             "",
             "Speed and flow of each main lane over the mean of all of them, so that it does not matter which part of "
             "the periods a recording is of. Brackets: 95 % bootstrap over recordings. A recording that holds only "
-            "vehicles near a chosen one counts like the others, and tells little of flow.",
+            "vehicles near a chosen one counts like the others, and says little about flow.",
             "",
             *markdown_table(LANE_HEADINGS, [_lane_row(entry) for entry in result.lanes]),
             "",

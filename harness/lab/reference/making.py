@@ -79,7 +79,7 @@ def _check_same_sources(making: Path, sources: str) -> None:
     if making.exists():
         began = note.read_text(encoding="utf-8").strip() if note.is_file() else ""
         if began != sources:
-            raise InputError(f"reference: {making} was begun with other sources; remove it to begin anew")
+            raise InputError(f"reference: {making} was begun with other sources; remove it to start again")
     making.parent.mkdir(parents=True, exist_ok=True)
     write_text(note, f"{sources}\n")
 

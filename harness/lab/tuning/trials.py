@@ -98,7 +98,7 @@ def best_of(trials: Sequence[Trial]) -> Trial:
     """
     counting = [trial for trial in trials if trial.counts]
     if not counting:
-        raise InputError(f"every setting was refused, the first one for {trials[0].refused}; mend the tracker")
+        raise InputError(f"every setting was refused, the first one for {trials[0].refused}; fix the tracker")
     return max(counting, key=lambda trial: trial.objective)
 
 

@@ -56,8 +56,8 @@ def follow(rows: RunRows, history: DetectionHistory, settings: ScoringSettings) 
     """Assign tracks to vehicles step by step.
 
     A vehicle that was detected but is not asked for (too seldom, too long ago, out of range) takes a track within the
-    gate, which then neither serves another vehicle nor follows nobody. A track beyond what the source knows of the road
-    never follows nobody.
+    gate, which then neither serves another vehicle nor follows no vehicle. A track beyond what the source knows of the
+    road never follows no vehicle.
     """
     truth, tracks, cutoff_m = rows.truth, rows.tracks, settings.follow_cutoff_m
     counted = once_seen(rows, history, settings)

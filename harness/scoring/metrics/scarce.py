@@ -26,14 +26,14 @@ def check_scored(metrics: Mapping[str, Any], steps: int) -> None:
         return
     in_range = metrics["coverage"]["vehicles_in_range"]
     if not in_range:
-        reason, mend = (
+        reason, fix = (
             "no vehicle comes within the sensor's range",
             "choose more traffic, another ego or a longer range",
         )
     elif not metrics["coverage"]["detected"]:
-        reason, mend = "none of the vehicles in range is detected", "check the sensor's settings and the network"
+        reason, fix = "none of the vehicles in range is detected", "check the sensor's settings and the network"
     else:
-        reason, mend = "vehicles are hardly ever in sight", "choose more traffic, a longer duration or a longer range"
+        reason, fix = "vehicles are hardly ever in sight", "choose more traffic, a longer duration or a longer range"
     raise InputError(
-        f"`net`: there is nothing to score: {in_sight} vehicle-steps in sight in {steps} steps, since {reason}; {mend}"
+        f"`net`: nothing can be scored: {in_sight} vehicle-steps in sight in {steps} steps, because {reason}; {fix}"
     )

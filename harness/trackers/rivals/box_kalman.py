@@ -38,8 +38,8 @@ class BoxKalmanOptions(BoxOptions):
     """Settings of the tracker of boxes."""
 
     association: Literal["overlap", "mahalanobis"] = "overlap"
-    """What says which detection is nearest to a track: the generalised overlap of their boxes from above, or the
-    distance of their middles in standard deviations.
+    """Distance used in association: the generalised overlap of the boxes in the top view, or the distance of their
+    centres in standard deviations.
     """
 
 

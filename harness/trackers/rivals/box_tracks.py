@@ -40,7 +40,7 @@ class BoxOptions(RivalOptions):
     """Settings that trackers of boxes share."""
 
     least_overlap: Annotated[float, Field(ge=-1.0, lt=1.0), in_unit("overlap")] = -0.4
-    """A detection counts for a track from this generalised overlap on, -1 to 1; boxes that just touch have about 0."""
+    """Smallest generalised overlap of a detection and its track, -1 to 1; boxes that just touch have about 0."""
     size_noise: Annotated[NotNegative, in_unit("m²/s")] = 0.01
     """Power spectral density of the changes of a box's size."""
     heading_noise: Annotated[NotNegative, in_unit("rad²/s")] = 0.05
@@ -48,7 +48,7 @@ class BoxOptions(RivalOptions):
     vehicle: Footprint = Footprint()
     """Size of a vehicle before it is measured."""
     longest_unseen_s: Positive = 3.0
-    """A confirmed track ends when unseen for longer; AB3DMOT's own is 0.2 s."""
+    """A confirmed track without detections for longer ends; AB3DMOT's own value is 0.2 s."""
 
 
 @dataclass(frozen=True)

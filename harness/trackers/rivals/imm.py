@@ -103,7 +103,7 @@ def turned_and_accelerated(mean: FloatArray, interval_s: float, fade_s: float) -
     Args:
         mean: Means, shape (n, STATE_SIZE).
         interval_s: How much later.
-        fade_s: Time constant with which acceleration and rate of turning fade.
+        fade_s: Time constant with which acceleration and turn rate decay.
 
     Returns:
         Means, shape (n, STATE_SIZE), and Jacobians, shape (n, STATE_SIZE, STATE_SIZE).

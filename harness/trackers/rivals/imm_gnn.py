@@ -45,13 +45,13 @@ class ImmGnnOptions(RivalOptions):
     detection_probability: Probability | None = None
     """Detection probability used in association; None takes the sensor's."""
     clutter_factor: Positive = 1.0
-    """Density of clutter and newcomers used in association, in relation to the data sheet's clutter."""
+    """Density of clutter and new vehicles used in association, relative to the data sheet's clutter."""
     accel_std_mps2: Positive = 1.5
-    """Deviation of the acceleration of a vehicle that manoeuvres."""
+    """Standard deviation of the acceleration of a manoeuvring vehicle."""
     turn_std_rad_per_s: Annotated[Positive, in_unit("rad/s")] = 0.1
-    """Deviation of the rate of turning of a vehicle that manoeuvres."""
+    """Standard deviation of the turn rate of a manoeuvring vehicle."""
     fade_s: Positive = 2.0
-    """Time constant with which acceleration and rate of turning fade."""
+    """Time constant with which acceleration and turn rate decay."""
     steady_s: Positive = 10.0
     """Mean time for which a vehicle keeps its velocity."""
     manoeuvre_s: Positive = 3.0

@@ -44,19 +44,20 @@ class OcSortOptions(BoxOptions):
     """Settings of OC-SORT."""
 
     momentum_weight: Annotated[NotNegative, in_unit("overlap")] = 0.2
-    """How much more overlap a detection is worth that lies the way a track went than one that lies the opposite way;
-    the paper's λ, for angles in half-turns.
+    """Bonus, as overlap, of a detection in the track's direction of motion over one in the opposite direction; the
+    paper's λ, for angles in half-turns.
     """
     momentum_s: Positive = 0.3
-    """A track's way leads from its observation this long before the last one (the paper's Δt), at most 16 back."""
+    """A track's direction starts at its observation this long before the last one (the paper's Δt), at most 16
+    observations back."""
     least_motion_m: Positive = 1.0
-    """Between places that are nearer to each other there is no direction to tell."""
+    """Shortest distance between two positions that defines a direction."""
     recovery_overlap: Annotated[float, Field(ge=-1.0, le=1.0), in_unit("overlap")] = 0.3
-    """A detection that is left counts for a track that is left from this overlap with its last observed box on; 1
-    switches recovery off.
+    """Smallest overlap of an unmatched detection with the last observed box of an unmatched track for recovery; 1 turns
+    it off.
     """
     reupdate: bool = True
-    """Whether a track that is found again is filtered anew over the time for which it was unseen."""
+    """Whether a recovered track is filtered again over the time without detections."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ class RivalOptions(TrackOptions):
     """Settings of a tracker whose confirmed tracks end when they are lost."""
 
     longest_unseen_s: Positive = 5.0
-    """A confirmed track ends when unseen for longer."""
+    """A confirmed track without detections for longer ends."""
 
 
 _Options = TypeVar("_Options", bound=RivalOptions)

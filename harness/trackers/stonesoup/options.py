@@ -21,7 +21,7 @@ class KalmanOptions(TrackOptions):
     """Spread of a new track's acceleration (ca)."""
     coarse_gate: bool = False
     """Whether detections far outside a track's gate are left out before Stone Soup computes distances to them. The
-    Kalman trackers' tracks stay the same, in about half the time; off, they run as Stone Soup ships them.
+    Kalman trackers' tracks do not change, and the time halves; if off, Stone Soup runs unmodified.
     """
 
     @property
@@ -34,33 +34,33 @@ class StoneSoupOptions(KalmanOptions):
     """Settings of a tracker whose tracks end when they are lost."""
 
     longest_unseen_s: Positive = 5.0
-    """A confirmed track ends when unseen for longer."""
+    """A confirmed track without detections for longer ends."""
     largest_std_lon_m: Positive = 5.0
-    """A track spread wider than this ends."""
+    """A track with a wider spread ends."""
 
 
 class ImmortalOptions(KalmanOptions):
     """Settings of the tracker whose confirmed tracks never end within range."""
 
     association: Literal["distance", "mahalanobis"] = "distance"
-    """What says which detection is nearest to a track: the distance in shares of the two gates, or in standard
-    deviations, by which a track that has long been unseen is near to everything.
+    """Distance used in association: in shares of the two gates, or in standard deviations. By the latter a track that
+    has long been undetected is near to every detection.
     """
     gate_lon_m: Positive = 6.0
     """A detection counts for a confirmed track within this distance along the road."""
     gate_lat_m: Positive = 1.6
-    """And within this distance across it."""
+    """The same, across the road."""
 
 
 class JpdaOptions(StoneSoupOptions):
     """Settings of the JPDA tracker."""
 
     detection_probability: Probability | None = None
-    """Detection probability used in association; None takes the sensor's. Vehicles that others hide are missed
-    far more often than the data sheet says, and JPDA knows of no shadows.
+    """Detection probability used in association; None takes the sensor's. Hidden vehicles are missed far more often
+    than the data sheet says, and JPDA does not model shadows.
     """
     clutter_factor: Positive = 1.0
-    """The density of clutter used in association, in relation to the data sheet's."""
+    """Clutter density used in association, relative to the data sheet's."""
 
 
 class StitchedJpdaOptions(JpdaOptions):

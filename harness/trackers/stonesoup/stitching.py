@@ -20,19 +20,19 @@ class StitchingOptions(Settings):
     """When a new track is an old one come back."""
 
     unseen_s: Positive = 0.2
-    """The old track must be unseen for at least this long."""
+    """Shortest time without detections of the old track."""
     overlap_s: Annotated[float, Field(ge=0.0)] = 0.5
     """The old track must have been last seen before this long after the new track's first detection."""
     gate_std: Positive = 3.0
     """Largest longitudinal distance, in standard deviations of the old track's prediction; see ``margin_m``."""
     margin_m: Annotated[float, Field(ge=0.0)] = 3.0
-    """As much further it may be, since two cars can't be nearer to each other than a length."""
+    """Added to that distance, since the centres of two cars are at least one length apart."""
     lat_gate_m: Positive = 1.8
     """Largest lateral distance."""
     remember_s: Positive = 10.0
-    """A track that ended is remembered until it has been unseen for this long."""
+    """An ended track is remembered for this long after its last detection."""
     largest_std_lon_m: Positive = 8.0
-    """A track that ended is remembered until its prediction has spread to this."""
+    """An ended track is remembered until its prediction's spread exceeds this."""
     speed_noise: Annotated[Positive, in_unit("m²/s³")] = 1.0
     """Growth of a remembered track's speed variance."""
 

@@ -44,7 +44,7 @@ def check_xml(path: Path) -> None:
         InputError: It is not well-formed, or holds a value beyond what a road or vehicle can have.
     """
     if not path.is_file():
-        raise InputError(f"`net`: {path} does not exist or is no ordinary file")
+        raise InputError(f"`net`: {path} does not exist or is not a regular file")
     root: Element | None = None
     try:
         with unpacked(path) as file:

@@ -217,7 +217,7 @@ def load_network(name_or_path: str) -> Network:
     # Whoever drives on it may do so from another folder.
     path = Path(os.path.abspath(checked_path(Path(name_or_path), "net")))
     if path.suffix == ".sumocfg" and not path.is_file() and not path.is_dir():
-        raise InputError(f"`net` {name_or_path}: the file does not exist, or is no ordinary file")
+        raise InputError(f"`net` {name_or_path}: the file does not exist, or is not a regular file")
     if path.is_dir() or path.suffix == ".sumocfg":
         compile_kernels()
         beside = path.iterdir() if path.is_dir() else path.parent.iterdir()

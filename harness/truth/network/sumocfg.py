@@ -69,7 +69,7 @@ def read_sumocfg(path: Path) -> SumoInputs:
         InputError: A file is missing, malformed or beyond the limits, or no network is named.
     """
     if not path.is_file():
-        raise InputError(f"`net` {path}: the file does not exist, or is no ordinary file")
+        raise InputError(f"`net` {path}: the file does not exist, or is not a regular file")
     try:
         root = parse(path).getroot()
     except (ParseError, UnicodeDecodeError, OSError, ValueError) as error:
@@ -80,7 +80,7 @@ def read_sumocfg(path: Path) -> SumoInputs:
         raise InputError(f"`net` {path}: it must name one net-file")
     for file in (*named["route-files"], *named["additional-files"]):
         if not file.is_file():
-            raise InputError(f"`net` {path}: it names {file.name}, which does not exist or is no ordinary file")
+            raise InputError(f"`net` {path}: it names {file.name}, which does not exist or is not a regular file")
     options = [*_times(path, values), *_behaviour(path, values)]
     known = {alias for aliases in (*FILE_OPTIONS.values(), *TIMES.values()) for alias in aliases}
     left_out = sorted({name for name in values if name not in known | OWN | BEHAVIOUR} - {root.tag})

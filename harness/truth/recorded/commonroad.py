@@ -84,7 +84,7 @@ def read_commonroad(path: Path) -> ReadTraffic:
             raise InputError(f"{path}: {what} {max(ids, key=ids.count)} is there twice; remove one")
     for obstacle in scenario.obstacles:
         if np.any(obstacle.states[:, 0] % 1.0):
-            raise InputError(f"{path}: a time of obstacle {obstacle.name} is no whole number of steps; mend it")
+            raise InputError(f"{path}: a time of obstacle {obstacle.name} is not a whole number of steps; fix it")
         if np.any(np.diff(obstacle.states[:, 0]) <= 0.0):
             raise InputError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
     _check_times(scenario, path)

@@ -75,7 +75,7 @@ def recording_files(path: Path) -> tuple[Path, ...]:
 
 
 def read_fcd(path: Path, net: str) -> ReadTraffic:
-    """Read floating-car data; vehicles that never come within 15 m of the network's main road are left out.
+    """Read floating-car data; drop vehicles that never come within 15 m of the network's main road.
 
     Raises:
         InputError: The file is broken, its time goes back, or a vehicle lacks position, angle or speed.
@@ -95,9 +95,9 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
             f"{path}: a vehicle or timestep lacks {error}; write the data with SUMO's usual attributes"
         ) from None
     except ValueError as error:
-        raise InputError(f"{path}: {error}; mend the value") from None
+        raise InputError(f"{path}: {error}; fix the value") from None
     if not collected.names:
-        raise InputError(f"{path}: there is no vehicle in it; give a recording with vehicles")
+        raise InputError(f"{path}: it contains no vehicle; give a recording with vehicles")
     return _traffic(collected, network, sizes)
 
 

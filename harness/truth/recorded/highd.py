@@ -52,10 +52,10 @@ def recording_files(path: Path) -> tuple[Path, Path, Path]:
 
 
 def read_highd(path: Path) -> ReadTraffic:
-    """Read the carriageway that carries more vehicles; those of the other one are left out.
+    """Read the carriageway with more vehicles; drop the other one.
 
     Raises:
-        InputError: A file or column is missing, or a value is no number.
+        InputError: A file or column is missing, or a value is not a number.
     """
     tracks_file, meta_file, recording_file = recording_files(path)
     meta = _read(meta_file, META_COLUMNS, dict.fromkeys(META_COLUMNS, pa.float64()))
@@ -65,16 +65,14 @@ def read_highd(path: Path) -> ReadTraffic:
     tracks = _read(tracks_file, TRACK_COLUMNS, dict.fromkeys(TRACK_COLUMNS, pa.float64()))
     identity, direction = (_whole(meta[name].to_numpy(), name, meta_file) for name in META_COLUMNS)
     if not np.isin(direction, (UPPER, LOWER)).all():
-        raise InputError(
-            f"{meta_file}: drivingDirection is {UPPER} or {LOWER}; mend or remove the row with another one"
-        )
+        raise InputError(f"{meta_file}: drivingDirection is {UPPER} or {LOWER}; fix or remove the row with another one")
     chosen = LOWER if np.sum(direction == LOWER) >= np.sum(direction == UPPER) else UPPER
     columns = {name: tracks[name].to_numpy() for name in TRACK_COLUMNS}
     rate = float(recording["frameRate"].to_numpy()[0])
     if not 1.0 <= rate <= 1000.0:
         raise InputError(f"{recording_file}: frameRate is {rate:g}; give 1 to 1000 frames a second")
     if not all(np.isfinite(values).all() for values in columns.values()):
-        raise InputError(f"{tracks_file}: a value is missing or not finite; mend or remove the row")
+        raise InputError(f"{tracks_file}: a value is missing or not finite; fix or remove the row")
     markings = _markings(recording, chosen, recording_file)
     if recording[MARKINGS[UPPER + LOWER - chosen]][0].as_py():
         _markings(recording, UPPER + LOWER - chosen, recording_file)
@@ -152,7 +150,7 @@ def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
 def _whole(values: FloatArray, name: str, path: Path) -> IntArray:
     """Return a column of whole numbers as such."""
     if not (np.abs(values) < LARGEST_ID).all() or (values != np.floor(values)).any():
-        raise InputError(f"{path}: {name} holds a value that is no whole number; mend or remove the row")
+        raise InputError(f"{path}: {name} has a value that is not a whole number; fix or remove the row")
     return values.astype(np.int64)
 
 
@@ -165,5 +163,5 @@ def _read(path: Path, columns: tuple[str, ...], types: dict[str, pa.DataType]) -
     if missing:
         raise InputError(f"{path}: the column {', '.join(missing)} is missing; highD has {', '.join(columns)}")
     if not len(table):
-        raise InputError(f"{path}: there are no rows in it")
+        raise InputError(f"{path}: it has no rows")
     return table.select(list(columns))

@@ -44,10 +44,10 @@ Columns = dict[str, FloatArray]
 
 
 def read_ngsim_csv(path: Path, net: str) -> ReadTraffic:
-    """Read the public CSV; where it holds several sites the one that is named like the network counts.
+    """Read the public CSV; if it has several sites, use the one with the network's name.
 
     Raises:
-        InputError: A column is missing, a value is no number, or no site is the network's.
+        InputError: A column is missing, a value is not a number, or no site is the network's.
     """
     with _text(path) as file:
         names = [name.strip().strip('"') for name in file.readline().split(",")]
@@ -84,7 +84,7 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
     if table[LAST].isna().any():
-        raise InputError(f"{path}: row {1 + int(table[LAST].isna().to_numpy().argmax())} is cut off; mend or remove it")
+        raise InputError(f"{path}: row {1 + int(table[LAST].isna().to_numpy().argmax())} is cut off; fix or remove it")
     return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
 
 
@@ -158,7 +158,7 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
     _check_clock(columns, path)
     identity = columns["Vehicle_ID"]
     if not _whole(identity):
-        raise InputError(f"{path}: Vehicle_ID holds a value that is no whole number; mend or remove the row")
+        raise InputError(f"{path}: Vehicle_ID has a value that is not a whole number; fix or remove the row")
     distinct, vehicle = np.unique(identity.astype(np.int64), return_inverse=True)
     names = distinct.astype(np.str_)
     length_m, width_m = columns["v_Length"] * FOOT_M, columns["v_Width"] * FOOT_M
@@ -176,7 +176,7 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
         width_m=width_m,
     )
     if not np.isfinite(rows.speed_mps).all():
-        raise InputError(f"{path}: v_Vel is missing in row {1 + int(np.isnan(rows.speed_mps).argmax())}; mend it")
+        raise InputError(f"{path}: v_Vel is missing in row {1 + int(np.isnan(rows.speed_mps).argmax())}; fix it")
     _check_places(rows, road, names, path, net)
     return ReadTraffic(road, names, rows, len(names) + sum(left_out.values()), left_out)
 
@@ -188,7 +188,7 @@ def _check_places(rows: Rows, road: Road, names: StringArray, path: Path, net: s
         far = names[np.flatnonzero(~near)[0]]
         raise InputError(
             f"{path}: {int(np.sum(~near))} vehicles, {far} among them, are never within 15 m of the road of {net}; "
-            "name the network that was recorded, or mend Local_X"
+            "name the network that was recorded, or fix Local_X"
         )
 
 
@@ -204,7 +204,7 @@ def _check_clock(columns: Columns, path: Path) -> None:
         row = int(off[0])
         raise InputError(
             f"{path}: Global_Time of vehicle {columns['Vehicle_ID'][row]:.0f} moves by {elapsed_ms[row]:.0f} ms from "
-            f"row {row + 1} to {row + 2} while Frame_ID moves by {frames[row]:.0f}; mend the time columns"
+            f"row {row + 1} to {row + 2} while Frame_ID moves by {frames[row]:.0f}; fix the time columns"
         )
 
 

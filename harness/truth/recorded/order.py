@@ -81,7 +81,7 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
     contradictions = _count_contradictions(rows, order, repeated)
     if contradictions > MOST_CONTRADICTING * len(rows):
         raise InputError(
-            f"{path}: {contradictions} of {len(rows)} rows put a vehicle at two places at once; mend the times"
+            f"{path}: {contradictions} of {len(rows)} rows put a vehicle at two places at once; fix the times"
         )
     kept = order[~repeated]
     _check_time(rows.take(np.sort(kept)), traffic.names, path)
@@ -114,12 +114,12 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
 
 def _check_numbers(rows: Rows, names: StringArray, path: Path, columns: tuple[str, ...] = NEEDED) -> None:
     if not len(rows):
-        raise InputError(f"{path}: there is no vehicle in it; give a recording with vehicles")
+        raise InputError(f"{path}: it contains no vehicle; give a recording with vehicles")
     for column in columns:
         missing = np.flatnonzero(~np.isfinite(getattr(rows, column)))
         if len(missing):
             name = names[rows.vehicle[missing[0]]]
-            raise InputError(f"{path}: vehicle {name} has a row whose {column} is no number; mend or remove the row")
+            raise InputError(f"{path}: vehicle {name} has a row whose {column} is not a number; fix or remove the row")
 
 
 def _check_limits(rows: Rows, names: StringArray, path: Path) -> None:

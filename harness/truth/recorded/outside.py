@@ -71,10 +71,10 @@ def read_outside(name: str, path: Path, net: str) -> ReadTraffic:
         raise
     except Exception as error:
         problem = what_it_raised(error)
-        raise InputError(f"`format` {name}: it can't read {path} ({problem}); mend the reader or the file") from error
+        raise InputError(f"`format` {name}: it can't read {path} ({problem}); fix the reader or the file") from error
     fault = fault_of(traffic)
     if fault is not None or not isinstance(traffic, ReadTraffic):
-        raise InputError(f"`format` {name}: of {path} it returned what is no traffic: {fault}; mend the reader")
+        raise InputError(f"`format` {name}: it returned invalid traffic for {path}: {fault}; fix the reader")
     return traffic
 
 
@@ -106,7 +106,7 @@ def _faults(traffic: object) -> Iterator[str]:
 
 def _faults_of_names(names: object) -> Iterator[str]:
     if not isinstance(names, np.ndarray) or names.ndim != 1 or names.dtype.kind != "U":
-        yield "names is no array of texts, shape (v,)"
+        yield "names is not an array of strings, shape (v,)"
         return
     if len(np.unique(names)) < len(names):
         yield "names has one name twice"

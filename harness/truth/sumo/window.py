@@ -44,7 +44,7 @@ def check_window() -> Path:
         InputError: There is no screen, sumo-gui is not installed, or it is another version than libsumo.
     """
     if not has_screen(sys.platform, os.environ):
-        raise InputError("`gui`: there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); leave `gui` out")
+        raise InputError("`gui`: no display is available (neither DISPLAY nor WAYLAND_DISPLAY is set); leave out `gui`")
     package, traci = importlib.util.find_spec("sumo"), importlib.util.find_spec("traci")
     program = _program_in(Path(package.origin).parent) if package is not None and package.origin else None
     if program is None or traci is None:

@@ -57,7 +57,7 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
     """
     try:
         if path.exists() and not path.is_file():
-            raise ModelFileError(f"model file {path} is no ordinary file")
+            raise ModelFileError(f"model file {path} is not a regular file")
         with path.open("rb") as file:
             _check_headers(file, path)
             file.seek(0)

@@ -98,7 +98,7 @@ def _committed_model() -> DriverModel:
 
 @dataclass(frozen=True)
 class LearnedDriver:
-    """A learned driver; latents are its habits and its lane-change intention.
+    """Learned driver model; latents are its habits and its lane-change intention.
 
     Their rows: whether they are drawn yet, desired speed, pace (its speed against what the road lets it go), place in
     the lane, intention (-1 to the right, 0, 1 to the left), lateral position of the lane it is after, and the
@@ -234,7 +234,7 @@ class LearnedDriver:
 
 
 def residual_driver(path: Path | None = None) -> LearnedDriver:
-    """Return the driver that follows by IDM and a network, the committed one or a file's; see ``residual``.
+    """Return IDM car following plus a learned network, bundled or from a file; see ``residual``.
 
     Raises:
         ModelFileError: The file can't be used.
@@ -243,7 +243,7 @@ def residual_driver(path: Path | None = None) -> LearnedDriver:
 
 
 def empirical_driver(path: Path | None = None) -> LearnedDriver:
-    """Return the driver that draws from recorded accelerations, committed or a file's; see ``empirical``.
+    """Return a driver that samples recorded accelerations, bundled or from a file; see ``empirical``.
 
     Raises:
         ModelFileError: The file can't be used.

@@ -153,4 +153,4 @@ def test_an_interval_that_reaches_beyond_what_can_be_says_too_few_and_how_many_m
     hota = next(one for one in found.verdicts if one.metric == "mot.hota")
     assert (hota.verdict, hota.wanting) == (UNDECIDED, "too few to tell")
     assert np.isnan(hota.ci95).all()
-    assert any("Too few seeds to tell (HOTA in sight" in why and "more seeds" in why for why in found.reasons)
+    assert any("Too few seeds for a verdict (HOTA in sight" in why and "more seeds" in why for why in found.reasons)

@@ -96,7 +96,7 @@ def test_no_world_of_finished_runs_simulates_the_sensor_anew():
     for asked in (None, "all"):
         for words in chosen_worlds(asked, sensor, of_finished=True).values():
             assert not any(word.startswith("sensor.") for word in words)
-    with pytest.raises(InputError, match="noise-correlated: it needs the sensor simulated anew"):
+    with pytest.raises(InputError, match="noise-correlated: it needs a new sensor simulation"):
         chosen_worlds("noise-correlated", sensor, of_finished=True)
 
 

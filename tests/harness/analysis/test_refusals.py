@@ -307,7 +307,7 @@ def test_a_grid_is_opened_whole_or_by_the_label_of_a_tracker(tmp_path):
 
 def test_a_folder_that_holds_no_grid_or_run_is_told_why(tmp_path):
     missing = tmp_path / "missing"
-    assert unopened(missing) == f"`baseline`: {missing} is no folder; give the folder of a run or of a stress test"
+    assert unopened(missing) == f"`baseline`: {missing} is not a folder; give the folder of a run or of a stress test"
     again = "make the grid again"
     for number, content in enumerate((None, "no", "{}", "[]", '{"vary": 3}')):
         folder = grid_folder(tmp_path / str(number))

@@ -99,8 +99,8 @@ def test_runs_of_one_tracker_are_called_by_its_name_and_others_by_both(sides):
 
 
 SEED = (
-    "One seed: vehicles are paired, so this tells nothing of other traffic. Vehicles that drive within 100 m of each "
-    "other count as partly the same one, so intervals rest on fewer vehicles than there are."
+    "One seed: vehicles are paired, so this does not generalise to other traffic. Vehicles that drive within 100 m of "
+    "each other count as partly the same one, so intervals rest on fewer vehicles than there are."
 )
 
 
@@ -131,7 +131,7 @@ def test_runs_on_other_traffic_are_refused_and_a_spoilt_table_is_told(tmp_path):
     with pytest.raises(InputError) as caught:
         single._check_same_traffic(a, b)
     assert str(caught.value) == (
-        "compare: run a and run b are single runs on different traffic, which tells nothing; make the second with "
+        "compare: run a and run b are single runs on different traffic, which cannot be compared; make the second with "
         f"`replay` {folders[0]}, or compare grids of several seeds"
     )
     for name, column in (("truth", "state"), ("detections", "truth_id"), ("tracks", "std_lon_m")):

@@ -120,7 +120,7 @@ def test_without_breaks_and_failures_there_are_no_headings_for_them():
 @pytest.mark.parametrize(
     ("entry", "sentence"),
     [
-        (Break("a", None, None, None, False), "a: too few occlusions to tell where it breaks"),
+        (Break("a", None, None, None, False), "a: too few occlusions to find its limit"),
         (HELD, "mmpf: holds up to 40 veh/km/lane, the highest tested with enough occlusions"),
         (Break("a", 33.6, None, 45.0, False), "a: breaks at 34 veh/km/lane"),
         (Break("a", 20.0, None, 45.0, True), "a: breaks at or below 20 veh/km/lane"),

@@ -469,7 +469,7 @@ def test_no_export_removes_a_file_that_no_export_has_written(folder, tmp_path):
             export_run(folder, "csv", out, force=force)
     export_run(folder, "csv")
     (folder / "export" / "csv" / "notes.txt").write_text("x")
-    with pytest.raises(InputError, match=r"holds notes\.txt, which no command has written"):
+    with pytest.raises(InputError, match=r"holds notes\.txt, which this program did not write"):
         export_run(folder, "csv")
     with pytest.raises(InputError, match="is a run, not an export"):
         export_run(folder, "csv", folder, force=True)

@@ -46,7 +46,8 @@ def by_time(number: int, own: float, coasting: float, n: int, followed: float | 
 
 
 def three_files() -> pd.DataFrame:
-    """Return the runs of two trackers over three files; one of them follows nobody hidden for more than a second."""
+    """Return the runs of two trackers over three files; one of them follows no vehicle hidden for more than a
+    second."""
     rows = []
     for number, name in enumerate("abc"):
         hidden, hota = (0.5 + number, 2.0, 10 * (number + 1)), (80.0 - 3 * number, 100 + 50 * number)

@@ -143,7 +143,7 @@ def test_rows_go_into_files_of_their_own_and_the_densest_cells_are_run_first(tmp
 
 def stopped(out, after: int) -> None:
     with pytest.raises(
-        Exception, match=f"^interrupted after {after} of 8 runs; go on with the same command and `resume`$"
+        Exception, match=f"^interrupted after {after} of 8 runs; continue with the same command and `resume`$"
     ):
         run_stress(REQUEST, out, MadeUp(stop_after=after))
 
@@ -260,8 +260,8 @@ def test_what_the_system_refuses_ends_in_one_line_that_says_what_is_kept(error, 
     with pytest.raises(RunError) as caught:
         run_stress(REQUEST, out, execute)
     assert str(caught.value) == (
-        f"the {ownership.plain(ownership.STRESS)} in {out} can't go on ({problem}); 2 of 8 runs are kept; once that is "
-        "mended, go on with the same command and `resume`"
+        f"the {ownership.plain(ownership.STRESS)} in {out} can't continue ({problem}); 2 of 8 runs are kept; fix "
+        "this, then continue with the same command and `resume`"
     )
 
 
@@ -388,7 +388,7 @@ GRID_WRITES = 15
 def test_a_grid_whose_disk_fills_ends_in_one_line_and_is_taken_up_as_if_it_had_not(write, whole, tmp_path):
     with (
         disk_full_from(write) as written,
-        pytest.raises(RunError, match=r"can't go on \(.*No space left on device\); \d of 8 runs are kept.*`resume`"),
+        pytest.raises(RunError, match=r"can't continue \(.*No space left on device\); \d of 8 runs are kept.*`resume`"),
     ):
         grid(tmp_path / "grid")
     rows = {path.stem for path in (tmp_path / "grid" / "runs").iterdir()}

@@ -63,7 +63,7 @@ def test_the_worst_differ_most_for_longest():
         ({"fate": "displaced", "track_id": 4, "unseen_s": 0.0, "visibility": "partial"}, "far, partly hidden: "),
         ({"fate": "displaced", "track_id": 4}, "track 4 follows it, but stands or moves otherwise than it does."),
         ({"fate": "hijacked", "track_id": 4}, "its track 4 sits on another vehicle."),
-        ({"kind": "phantom", "fate": "ghost", "track_id": 4, "vehicle_id": ""}, "track 4 follows nobody."),
+        ({"kind": "phantom", "fate": "ghost", "track_id": 4, "vehicle_id": ""}, "track 4 follows no vehicle."),
         ({"kind": "phantom", "fate": "hijacked", "track_id": 4}, "track 4 went over from another vehicle to far"),
     ],
 )  # fmt: skip

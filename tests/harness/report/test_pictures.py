@@ -47,4 +47,4 @@ def test_what_cannot_be_drawn_is_refused_in_a_line(grid, tmp_path_factory, capsy
     study = tmp_path_factory.mktemp("study")
     (study / "results.md").write_text("# Study\n")
     assert run_command_line(["report", str(study), "--figures", "svg"]) == EXIT_USER_ERROR
-    assert "only their figures are drawn anew" in capsys.readouterr().err
+    assert "only their figures can be drawn" in capsys.readouterr().err

@@ -21,7 +21,7 @@ def metrics(tmp_path):
 def test_the_summary_counts_what_became_of_the_hidden_vehicles_and_judges_no_handful(metrics):
     text = " ".join(summary_sentences(metrics))
     assert "seen again once: 1 had lost it" in text
-    assert "too few to tell a rate (n = 1)" in text
+    assert "too few for a rate (n = 1)" in text
     metrics["occlusion"] |= {"events": 9, "lost": 3, "untracked": 2, "same_id": 5, "survived": 5, "hijacked": 1}
     text = " ".join(summary_sentences(metrics))
     assert "9 times: 5 had the same track, 1 had lost it, 2 had no track before, 1 had their track on another" in text
@@ -41,7 +41,7 @@ def test_intervals_are_judged_for_visible_and_hidden_vehicles_apart(metrics, in_
         metrics["calibration"][state] |= {"n": 1000, "coverage95": {"lon": share}}
     assert words in " ".join(summary_sentences(metrics))
     metrics["calibration"]["visible"]["n"] = 4
-    assert "too few samples of visible vehicles to tell (n = 4)" in " ".join(summary_sentences(metrics))
+    assert "too few samples of visible vehicles (n = 4)" in " ".join(summary_sentences(metrics))
 
 
 def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected(run):
@@ -65,7 +65,7 @@ def test_key_figures_bear_the_metrics_numbers_and_intervals(run):
     run.metrics["hidden"] |= {"hidden_cost_m": 3.219, "hidden_cost_m_ci95": [2.402, 4.056]}
     table = str(key_figures(run))
     assert "3.22 m<br><span class='interval-cell'>2.40 to 4.06 m" in table
-    assert "too few to tell, n = 1" in table
+    assert "too few samples, n = 1" in table
     assert "m by constant velocity" in table
 
 

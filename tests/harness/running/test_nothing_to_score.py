@@ -20,7 +20,7 @@ BLIND = ("sensor.detection_probability=0.0", "sensor.clutter_per_scan=0.0")
 @pytest.mark.parametrize(("settings", "reason"), [(NOBODY, "range"), (BLIND, "detected")])
 def test_a_run_that_sees_nobody_is_refused_with_the_reason_and_leaves_nothing(settings, reason, tmp_path):
     config = resolve_run_config(options={"tracker": ECHO}, settings=settings)
-    with pytest.raises(InputError, match=f"nothing to score.*{reason}") as told:
+    with pytest.raises(InputError, match=f"nothing can be scored.*{reason}") as told:
         run(config, out=tmp_path / "run", open_looks=looking_at(SteadyTraffic(steps=8)))
     assert "\n" not in str(told.value)
     assert not list(tmp_path.iterdir())
@@ -37,7 +37,7 @@ def test_such_a_cell_of_a_grid_is_a_failed_run():
     )
     (row,) = rows
     assert row["succeeded"] is False
-    assert "nothing to score" in row["error"]
+    assert "nothing can be scored" in row["error"]
 
 
 def test_hardly_anybody_is_as_good_as_nobody():

@@ -41,15 +41,15 @@ def test_a_run_with_a_vehicle_in_sight_in_a_twentieth_of_its_steps_is_scored_and
     assert scarce(5, 100) == scarce(1, 10) == scarce(1, 20) == ""
     several = "choose more traffic, a longer duration or a longer range"
     assert scarce(4, 100) == (
-        "`net`: there is nothing to score: 4 vehicle-steps in sight in 100 steps, since vehicles are hardly ever in "
+        "`net`: nothing can be scored: 4 vehicle-steps in sight in 100 steps, because vehicles are hardly ever in "
         f"sight; {several}"
     )
     assert scarce(0, 10, in_range=0) == (
-        "`net`: there is nothing to score: 0 vehicle-steps in sight in 10 steps, since no vehicle comes within the "
+        "`net`: nothing can be scored: 0 vehicle-steps in sight in 10 steps, because no vehicle comes within the "
         "sensor's range; choose more traffic, another ego or a longer range"
     )
     assert scarce(0, 10, detected=0) == (
-        "`net`: there is nothing to score: 0 vehicle-steps in sight in 10 steps, since none of the vehicles in range "
+        "`net`: nothing can be scored: 0 vehicle-steps in sight in 10 steps, because none of the vehicles in range "
         "is detected; check the sensor's settings and the network"
     )
 

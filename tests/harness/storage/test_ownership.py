@@ -35,7 +35,7 @@ def test_what_this_program_made_is_removed_whole(run):
 def test_a_users_file_makes_a_folder_irreplaceable_and_survives_its_removal(run, place):
     (run / place).parent.mkdir(exist_ok=True)
     (run / place).write_text("mine")
-    with pytest.raises(InputError, match=f"holds {place}, which no command has written"):
+    with pytest.raises(InputError, match=f"holds {place}, which this program did not write"):
         ownership.check_replaceable(run, RUN, "out")
     ownership.remove(run)
     assert (run / place).read_text() == "mine"

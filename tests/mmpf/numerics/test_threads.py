@@ -35,7 +35,7 @@ def test_one_thread_works_unless_more_are_asked_for(monkeypatch):
     monkeypatch.setenv("MMPF_THREADS", "64")
     assert threads() == 4
     monkeypatch.setenv("MMPF_THREADS", "many")
-    with pytest.warns(UserWarning, match="MMPF_THREADS=many is no number from 1 to 4"):
+    with pytest.warns(UserWarning, match="MMPF_THREADS=many is not a number from 1 to 4"):
         assert threads() == 1
 
 

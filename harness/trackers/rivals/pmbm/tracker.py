@@ -52,32 +52,31 @@ class PmbmOptions(RivalOptions):
     detection_probability: Probability | None = None
     """Detection probability in plain view; None takes the sensor's."""
     clutter_factor: Positive = 1.0
-    """The density of clutter, in relation to the data sheet's."""
+    """Clutter density relative to the data sheet's."""
     newcomer_share: Positive = 0.1
-    """Expected detections of vehicles never detected before, in relation to clutter."""
+    """Expected detections of vehicles never detected before, relative to clutter."""
     stay_s: Positive = 60.0
-    """Mean time for which a vehicle goes on existing."""
+    """Mean lifetime of a vehicle."""
     shadow_aware: bool = True
     """Whether a hypothesis behind another track's shadow is less likely to be detected."""
     hidden_probability: Probability = 0.02
-    """Detection probability of a vehicle that lies in the other tracks' shadows."""
+    """Detection probability of a vehicle in the shadows of other tracks."""
     occluder_unseen_s: Positive = 1.0
-    """A track that was seen within this time casts a shadow."""
+    """A track with a detection within this time casts a shadow."""
     vehicle: Footprint = Footprint()
     """Size of a vehicle where sizes are not measured."""
     longest_unseen_s: Positive = 10.0
-    """A confirmed hypothesis ends when unseen for longer."""
+    """A confirmed hypothesis without detections for longer ends."""
     reported_existence: Probability = 0.5
-    """A track is reported from this probability that it exists on."""
+    """Existence probability from which a track is reported."""
     least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
-    """A hypothesis that exists with less than this probability, or a tenth of a newcomer's, is dropped."""
+    """A hypothesis with a lower existence probability (or a tenth of a new vehicle's) is dropped."""
     most_hypotheses: Annotated[int, Field(ge=1, le=1000)] = 10
-    """Global hypotheses kept of tracks that depend on each other."""
+    """Number of global hypotheses kept per group of dependent tracks."""
     least_weight: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
-    """A global hypothesis that weighs less than this share of the best is dropped."""
+    """A global hypothesis with a lower weight relative to the best is dropped."""
     alike_scans: Annotated[int, Field(ge=0, le=100)] = 5
-    """Global hypotheses by which the same vehicles had the same detections for so many scans are one; 0 keeps all
-    apart.
+    """Global hypotheses with identical assignments over this many scans are merged; 0 merges none.
     """
 
 

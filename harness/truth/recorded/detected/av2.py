@@ -126,7 +126,7 @@ def _read(log: Path, with_map: bool) -> Drive:
         names=names,
         labels=sorted_by_step(labels),
         given=sorted_by_step(GivenBoxes(**columns, score=seen_points)),
-        left_out={"labelled things that are no vehicles": others},
+        left_out={"labelled objects other than vehicles": others},
         drawn=True,
         lanes=_lanes(log, origin[:2]) if with_map else None,
     )
@@ -164,7 +164,7 @@ def _rotations(path: Path, table: pd.DataFrame) -> FloatArray:
     """Return rotations of unit quaternions, shape (n, 3, 3)."""
     w, x, y, z = table[TURN].to_numpy(dtype=np.float64).T
     if (np.abs(w * w + x * x + y * y + z * z - 1.0) > MOST_OFF_UNIT).any():
-        raise InputError(f"{path}: a turn is no unit quaternion")
+        raise InputError(f"{path}: a rotation is not a unit quaternion")
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],

@@ -84,7 +84,7 @@ def files_of(path: Path) -> tuple[Path, ...]:
 
 
 def read_kitti(path: Path) -> tuple[Drive, ...]:
-    """Read a folder's sequences, or the one whose label file is given.
+    """Read the sequences of a folder, or of one label file.
 
     Raises:
         InputError: A file is missing or broken, or they contradict each other; the message names it.

@@ -87,7 +87,7 @@ def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArra
     if not len(step):
         return
     if (step != np.round(step)).any() or step.min() < 0 or step.max() >= MOST_STEPS:
-        raise InputError(f"{path}: a frame is no whole number of 0 to {MOST_STEPS - 1}")
+        raise InputError(f"{path}: a frame is not a whole number of 0 to {MOST_STEPS - 1}")
     if size.min() < SIZES_M[0] or size.max() > SIZES_M[1]:
         raise InputError(f"{path}: the size of a box is not within {SIZES_M[0]:g} to {SIZES_M[1]:g} m")
     if np.abs(place).max() > FARTHEST_M:

@@ -93,7 +93,7 @@ def test_a_tracker_that_passes_with_no_setting_is_told_in_one_line(asked, capsys
         main(["--tracker", "oracle-kalman", "--trials", "8", "--write"])
     assert (ended.value.code, asked["followed"], asked["written"]) == (2, [], [])
     line = capsys.readouterr().err.splitlines()[-1]
-    assert line.endswith("every setting was refused, the first one for its cars swap; mend the tracker")
+    assert line.endswith("every setting was refused, the first one for its cars swap; fix the tracker")
 
 
 def test_the_usual_search_of_a_tracker_finds_better_settings(asked, capsys):

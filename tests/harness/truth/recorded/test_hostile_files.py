@@ -142,7 +142,7 @@ def test_meta_data_name_vehicles_and_directions_that_there_are(row, column, tmp_
 
 @pytest.mark.parametrize("text", ["1_0", "\u0661", "nan", "inf", "1e400", "0x10", "", "x", "1,0"])
 def test_a_number_of_a_file_is_one_that_every_program_reads_alike(text):
-    with pytest.raises(ValueError, match="is no number"):
+    with pytest.raises(ValueError, match="is not a number"):
         number(text)
     assert [number(good) for good in ("10", " -1.5e2 ", "+.5")] == [10.0, -150.0, 0.5]
 

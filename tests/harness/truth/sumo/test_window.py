@@ -62,7 +62,7 @@ def complaint(arguments, capsys, tmp_path, monkeypatch) -> str:
 
 def test_without_a_screen_no_run_begins(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(window, "has_screen", lambda platform, environment: False)
-    assert "--gui: there is no screen" in complaint([], capsys, tmp_path, monkeypatch)
+    assert "--gui: no display is available" in complaint([], capsys, tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("missing", ["sumo", "traci"])

@@ -113,9 +113,9 @@ def spoil(folder: Path, kind: str, line: int, word: int, value: str, separator: 
 @pytest.mark.parametrize(
     ("kind", "line", "word", "value", "says"),
     [
-        ("label_02", 1, 13, "nan", "'nan' is no number"),
-        ("label_02", 1, 13, "far", "'far' is no number"),
-        ("label_02", 1, 13, "1_0", "'1_0' is no number"),
+        ("label_02", 1, 13, "nan", "'nan' is not a number"),
+        ("label_02", 1, 13, "far", "'far' is not a number"),
+        ("label_02", 1, 13, "1_0", "'1_0' is not a number"),
         ("label_02", 1, 13, "1e9", "farther away"),
         ("label_02", 1, 12, "700", "size of a box"),
         ("label_02", 1, 0, "999", "poses of 60 frames"),
@@ -125,7 +125,7 @@ def spoil(folder: Path, kind: str, line: int, word: int, value: str, separator: 
         ("label_02", 1, 1, "-4", "no number"),
         ("detection", 0, 7, "-1", "size of a box"),
         ("poses", 3, 0, "2", "pose 3"),
-        ("poses", 3, 0, "inf", "'inf' is no number"),
+        ("poses", 3, 0, "inf", "'inf' is not a number"),
     ],
 )
 def test_broken_files_are_named_with_what_is_wrong(
