@@ -16,7 +16,9 @@ class Options(TypedDict):
     """The options of ``export``."""
 
     folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
-    to: Annotated[str | None, Option("mot, kitti, fcd, csv, rerun, mcap, osi or module:function.", metavar="FORMAT")]
+    to: Annotated[
+        str | None, Option("mot, kitti, fcd, csv, rerun, mcap, osi, scans or module:function.", metavar="FORMAT")
+    ]
     video: Annotated[Path | None, Option("Write a top-view video to this MP4 file.")]
     out: Annotated[
         Path | None, Option("Folder to write; for fcd also FILE.xml or FILE.xml.gz. (default: RUN/export/FORMAT)")

@@ -43,6 +43,7 @@ export_formats: Registry[Callable[..., object]] = Registry(
         ),
         "mcap": Entry("harness.export.mcap_recording:export", "a recording in Foxglove's schemas", "mcap"),
         "osi": Entry("harness.export.osi:export", "ASAM OSI ground truth and sensor data, binary traces", "osi"),
+        "scans": Entry("harness.export.scans:export", "what a tracker is shown, for one that runs elsewhere"),
         "rerun": Entry("harness.export.rerun_recording:export", "a recording for the rerun viewer", "viewer"),
     },
     "there is no format {name!r}; choose from {in_order}, or module:function for your own",

@@ -80,7 +80,7 @@ class ProgramTracker:
         self._time_s: float | None = None
         self._scans = 0
         try:
-            answer = self._program.ask("".join(_setting_lines(setting, own)), limits["start_timeout_s"])
+            answer = self._program.ask("".join(setting_lines(setting, own)), limits["start_timeout_s"])
         except RunError as error:
             raise InputError(f"`tracker` {error}; fix the program") from None
         if answer != [["ready"]]:
@@ -108,7 +108,8 @@ def _seconds(name: str, value: object) -> float:
     raise InputError(f"`tracker.options.{name}` {value}: give seconds above 0, for example 10")
 
 
-def _setting_lines(setting: TrackerSetting, options: Mapping[str, object]) -> Iterator[str]:
+def setting_lines(setting: TrackerSetting, options: Mapping[str, object]) -> Iterator[str]:
+    """Yield what a program is told before the first scan."""
     road, graph = setting.road, setting.road.graph
     yield f"protocol 1\nframe {'plane' if road.has_headings else 'road'}\nstep_s {setting.step_s!r}\n"
     yield f"seed {setting.rng.integers(2**31)}\n"

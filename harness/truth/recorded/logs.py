@@ -114,7 +114,9 @@ def _read(log: LogFile, name: str, files: Sequence[Path]) -> pd.DataFrame:
         "parquet": _table, "csv": _table, "kitti": _kitti, "mot": _mot, "nuscenes": _nuscenes, "mcap": _mcap,
     }  # fmt: skip
     read = [readers[name](log, file) for file in files]
-    parts = [rows if "episode" in rows else rows.assign(episode=k) for k, rows in enumerate(read)]
+    # Of a table that tells no episodes its times do, which are the run's.
+    timed = name in ("csv", "parquet") and log.role != TRUTH
+    parts = [rows if "episode" in rows or timed else rows.assign(episode=k) for k, rows in enumerate(read)]
     rows = pd.concat(parts, ignore_index=True)
     for column in ("time_s", "lon_m", "lat_m"):
         if column in rows and not np.isfinite(rows[column].to_numpy(dtype=np.float64)).all():

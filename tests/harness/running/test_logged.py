@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +17,7 @@ import pytest
 import harness
 from harness.commands.app import run_command_line
 from harness.storage import run_folder as runfolder
+from mmpf.tracks import Tracks
 from tests.harness.recorded_scene import write_recorded_scene
 
 STEPS, STEP_S, SPEED_MPS = 30, 0.1, 10.0
@@ -164,6 +169,29 @@ def test_a_recording_for_foxglove_is_read_back(tmp_path, run):
 def run_export(folder: Path, out: Path) -> list[Path]:
     assert run_command_line(["export", str(folder), "--to", "mcap", "--out", str(out)]) == 0
     return sorted(out.glob("*.mcap"))
+
+
+def test_a_program_in_a_run_and_its_log_from_elsewhere_have_the_same_scores(tmp_path):
+    scene = write_recorded_scene(tmp_path / "scene")
+    program = [sys.executable, str(Path(__file__).parents[3] / "docs" / "examples" / "exec_tracker.py")]
+    run = harness.run(replay=scene, tracker=f"exec:{shlex.join(program)}", out=tmp_path / "run")
+    assert run_command_line(["export", str(run.folder), "--to", "scans", "--out", str(tmp_path / "scans")]) == 0
+    text = (tmp_path / "scans" / "episode-0.txt").read_text()
+    times = {words[1]: float(words[2]) for words in map(str.split, text.splitlines()) if words[0] == "scan"}
+    done = subprocess.run(program, input=text, capture_output=True, text=True, check=True)
+    rows, time_s = [], 0.0
+    for words in map(str.split, done.stdout.splitlines()[1:]):
+        if words[0] == "tracks":
+            time_s = times[words[1]]
+        else:
+            rows.append([time_s, *words])
+    pd.DataFrame(rows, columns=["time_s", *Tracks.__dataclass_fields__]).to_csv(tmp_path / "log.csv", index=False)
+    assert score(tmp_path, run.folder, tmp_path / "log.csv") == 0
+    assert metrics_of(tmp_path / "scored") == metrics_of(run.folder)
+    for file in (tmp_path / "scans").iterdir():
+        assert not {"truth_id", "vehicle_id", "visible_fraction", "near", "far"} & set(
+            re.split(r"\W", file.read_text())
+        )
 
 
 BROKEN = {
