@@ -1,9 +1,12 @@
-"""Waymo Open Motion scenes as GPUDrive writes them: a JSON of objects' states every tenth of a second, and roads."""
+"""Waymo Open Motion scenes as GPUDrive writes them: a JSON of objects' states every tenth of a second, and roads.
+
+Headings are degrees in older files, radians in newer ones, and none says which: beyond a turn they are degrees.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,9 @@ from harness.common.untrusted_files import unpacked
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.planetracks import MiddleLine, Way, traffic_of_ways
 from harness.truth.recorded.rows import ReadTraffic
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
+
+MOST_RAD = 6.5
 
 
 def read_gpudrive(path: Path) -> ReadTraffic:
@@ -27,7 +32,8 @@ def read_gpudrive(path: Path) -> ReadTraffic:
         with unpacked(path) as file:
             scene = json.load(file)
         vehicles = {k: thing for k, thing in enumerate(scene["objects"]) if thing["type"] == "vehicle"}
-        ways = [_way(str(k), vehicle) for k, vehicle in vehicles.items()]
+        unit = _heading_unit_rad(vehicles.values())
+        ways = [_way(str(k), vehicle, unit) for k, vehicle in vehicles.items()]
         lines = {str(k): MiddleLine(_xy(lane["geometry"])) for k, lane in enumerate(scene["roads"]) if _is_lane(lane)}
         others = len(scene["objects"]) - len(vehicles)
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
@@ -40,10 +46,20 @@ def _is_lane(road: Mapping[str, Any]) -> bool:
     return bool(road["type"] == "lane")
 
 
-def _way(name: str, vehicle: Mapping[str, Any]) -> Way:
-    valid = np.array([state is True for state in vehicle["valid"]])
+def _heading_unit_rad(vehicles: Iterable[Mapping[str, Any]]) -> float:
+    # Where a vehicle is out of sight its heading may be -10000.
+    seen = [np.array(vehicle["heading"], dtype=np.float64)[_valid(vehicle)] for vehicle in vehicles]
+    return float(np.deg2rad(1.0)) if any(np.abs(each).max(initial=0.0) > MOST_RAD for each in seen) else 1.0
+
+
+def _valid(vehicle: Mapping[str, Any]) -> BoolArray:
+    return np.array([state is True for state in vehicle["valid"]])
+
+
+def _way(name: str, vehicle: Mapping[str, Any], unit_rad: float) -> Way:
+    valid = _valid(vehicle)
     place, velocity = _xy(vehicle["position"])[valid], _xy(vehicle["velocity"])[valid]
-    heading = np.array(vehicle["heading"], dtype=np.float64)[valid]
+    heading = np.array(vehicle["heading"], dtype=np.float64)[valid] * unit_rad
     return Way(
         name=name,
         time_s=np.flatnonzero(valid).astype(np.float64) * STEP_S,

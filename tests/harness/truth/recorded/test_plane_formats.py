@@ -135,7 +135,7 @@ def scene_of_gpudrive() -> dict[str, Any]:
                 for k, at in enumerate(x)
             ],
             "velocity": [{"x": speed, "y": 0.0}] * STEPS,
-            "heading": [0.0] * STEPS,
+            "heading": [0.0 if k >= unseen else -1e4 for k in range(STEPS)],
             "valid": [k >= unseen for k in range(STEPS)],
             "length": 4.5,
             "width": 1.8,
@@ -193,6 +193,16 @@ def test_a_vehicle_is_not_where_its_state_is_invalid(tmp_path):
     path = write_gpudrive(tmp_path / "scene.json", scene_of_gpudrive())
     frames = list(open_recorded_traffic(path, "gpudrive", "recording", "1", 60.0).frames())
     assert ["2" in frame.vehicle_id for frame in frames] == [k >= 10 for k in range(STEPS)]
+
+
+@pytest.mark.parametrize("unit", [1.0, 180.0 / np.pi])
+def test_headings_of_gpudrive_are_radians_or_degrees(unit, tmp_path):
+    scene = scene_of_gpudrive()
+    for k, turn in ((1, 0.0), (2, 0.5 * np.pi)):
+        scene["objects"][k]["heading"][10:] = [turn * unit] * (STEPS - 10)
+    path = write_gpudrive(tmp_path / "scene.json", scene)
+    frame = list(open_recorded_traffic(path, "gpudrive", "recording", "1", 60.0).frames())[-1]
+    np.testing.assert_allclose(frame.heading_rad, [0.0, 0.5 * np.pi])
 
 
 class Opens:
@@ -254,7 +264,7 @@ def test_a_pickle_that_is_cut_off_is_refused(tmp_path):
     [
         (("objects",), [], "no vehicle"),
         (("roads",), {"a": 1}, "no scene of GPUDrive"),
-        (("objects",), [{"type": "vehicle", "valid": [True] * STEPS}], "'position'"),
+        (("objects",), [{"type": "vehicle", "valid": [True] * STEPS}], "'heading'"),
         (("roads",), [{"type": "lane", "geometry": [{"x": 0, "y": 0}, {"x": 1e9, "y": 0}]}], "lane 0"),
     ],
 )
