@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
@@ -68,6 +69,10 @@ class Run:
         flat = flattened(read_metrics(self.folder, "folder"))
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
         return pd.DataFrame({"value": pd.Series(numbers, dtype="float64")}).rename_axis("metric")
+
+    def _repr_html_(self) -> str:
+        """Return the folder's name and the run's numbers, as notebooks show them."""
+        return f"<p>{escape(str(self.folder))}</p>{self.metrics.to_html()}"
 
     @cached_property
     def truth(self) -> pd.DataFrame:
@@ -156,6 +161,11 @@ class Comparison:
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
     verdicts: pd.DataFrame
+
+    def _repr_html_(self) -> str:
+        """Return the outcome and what is judged, as notebooks show it."""
+        said = "".join(f"<p>{escape(words)}</p>" for words in (self.outcome, *self.reasons, *self.notes))
+        return said + self.verdicts[self.verdicts["primary"].astype(bool)].to_html(index=False)
 
 
 class _OpenOptions(TypedDict, total=False):

@@ -15,6 +15,7 @@ from harness.config.options import RunOptions, checked, declared, keys_of_option
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.running.resolve import resolve_run_config
+from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.stand_ins import EchoTracker, echo_tracker
 
 
@@ -247,3 +248,14 @@ def test_a_run_is_no_worse_than_itself(run):
     compared = harness.compare(run, run.folder)
     assert not compared.regression
     assert {"metric", "verdict"} <= set(compared.verdicts)
+
+
+def test_notebooks_show_a_run_and_a_comparison_as_tables_with_names_escaped(tmp_path):
+    folder = write_recorded_scene(tmp_path / "a<b")
+    shown = harness.open_run(folder)._repr_html_()
+    assert "mot.hota" in shown
+    assert "a&lt;b" in shown
+    assert "a<b" not in shown
+    compared = harness.compare(folder, folder)
+    assert compared.outcome in compared._repr_html_()
+    assert "<table" in compared._repr_html_()
