@@ -16,3 +16,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401  the type is the name's own
         if name == "__all__" or name in api.__all__:
             return getattr(api, name)
     raise AttributeError(f"module 'harness' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *importlib.import_module("harness.api").__all__})

@@ -259,3 +259,7 @@ def test_notebooks_show_a_run_and_a_comparison_as_tables_with_names_escaped(tmp_
     compared = harness.compare(folder, folder)
     assert compared.outcome in compared._repr_html_()
     assert "<table" in compared._repr_html_()
+
+
+def test_the_public_names_are_listed_where_an_interpreter_completes_them():
+    assert set(harness.__all__) <= set(dir(harness))
