@@ -10,6 +10,8 @@ import pandas as pd
 import pytest
 
 import harness
+import harness.plugins
+import mmpf
 from harness.config.model import RunConfig
 from harness.config.options import RunOptions, checked, declared, keys_of_options, setting_words
 from harness.grid.options import GridOptions
@@ -262,4 +264,5 @@ def test_notebooks_show_a_run_and_a_comparison_as_tables_with_names_escaped(tmp_
 
 
 def test_the_public_names_are_listed_where_an_interpreter_completes_them():
-    assert set(harness.__all__) <= set(dir(harness))
+    for module in (harness, mmpf, harness.plugins):
+        assert set(module.__all__) <= set(dir(module))
