@@ -1,4 +1,4 @@
-"""Which components are reported: probable vehicles, and whatever lies in the ego's path."""
+"""Which components are reported: probable vehicles, what moves along, and whatever lies in the ego's path."""
 
 from __future__ import annotations
 
@@ -24,13 +24,24 @@ def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -
     """
     known = components.existence > options.existence.report_above
     known &= is_longer(components.detected_s, options.existence.confirm_s)
-    return np.asarray(~components.confirmed & known & (in_path | (components.vehicle > options.kinds.confirm_above)))
+    probable = components.vehicle > options.kinds.confirm_above
+    return np.asarray(~components.confirmed & known & (probable | in_path | moved_along(components, options)))
 
 
 def still_confirmed(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
     """Return which reported components stay so, shape (m,); arguments are those of ``to_confirm``."""
     probable = components.vehicle_share >= options.kinds.withdraw_below
-    return np.asarray(components.confirmed & (probable | in_path))
+    return np.asarray(components.confirmed & (probable | in_path | moved_along(components, options)))
+
+
+def moved_along(components: Sources, options: JointOptions) -> BoolArray:
+    """Return which components have moved and been detected for so long that they are reported in any case, shape (m,).
+
+    Few false objects move, and they end soon: a vehicle that came into view unnoticed must not wait until the odds of
+    its kind have grown. It is reported with its probability.
+    """
+    moved = components.stood_log < np.log(options.kinds.moved_below)
+    return np.asarray(moved & is_longer(components.detected_s, options.kinds.moved_s))
 
 
 def lies_in_path(components: Components, moments: Moments, plane: SensorPlane, options: JointPath) -> BoolArray:

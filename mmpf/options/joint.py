@@ -94,6 +94,10 @@ class JointKinds(Settings):
     """Whether the filter distinguishes vehicles from false objects; otherwise everything that exists is a vehicle."""
     least_prior: Annotated[float, Field(gt=0.0, lt=0.5), in_unit("probability")] = 0.02
     """Smallest prior probability of either kind, at any place of appearance."""
+    moved_s: NotNegative = 1.0
+    """Detected time after which an object that has moved is reported with any probability of a vehicle."""
+    moved_below: Annotated[float, Field(gt=0.0, lt=1.0), in_unit("likelihood ratio")] = 0.01
+    """An object has moved if its speed at some time was so unlikely for one that stands."""
     largest_log_odds: Positive = 6.0
     """Bound on the log odds between vehicle and false object."""
     overlap_share: NotNegative = 0.6

@@ -47,3 +47,17 @@ def test_a_probable_false_object_is_reported_in_the_path_alone(path: bool) -> No
 def test_a_single_flash_is_reported_nowhere() -> None:
     flash = belief_of([spot(30.0, LANE)], confirmed=[False], existence=[0.95], detected_s=[0.0]).components
     assert not to_confirm(flash, np.array([True]), OPTIONS)[0]
+
+
+@pytest.mark.parametrize(
+    ("stood_log", "detected_s", "reported"), [(-20.0, 1.2, True), (-20.0, 0.5, False), (-1.0, 9.0, False)]
+)
+def test_what_has_moved_for_a_second_is_reported_though_it_is_probably_false(stood_log, detected_s, reported) -> None:
+    false = np.zeros((1, *SHAPE))
+    false[:, STANDING, 0, 2] = 1.0
+    columns = {"existence": [0.95], "detected_s": [detected_s], "kinds": false, "stood_log": [stood_log]}
+    tentative = belief_of([spot(30.0, LANE)], confirmed=[False], **columns).components
+    confirmed = belief_of([spot(30.0, LANE)], confirmed=[True], **columns).components
+    outside = np.array([False])
+    assert to_confirm(tentative, outside, OPTIONS)[0] == reported
+    assert still_confirmed(confirmed, outside, OPTIONS)[0] == reported

@@ -1,0 +1,37 @@
+"""A vehicle that appears in plain view amid flowing traffic is reported within seconds at any detection rate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mmpf import Detections, EgoPose, MixtureTracker, Scan, SensorModel, highway, motion_model
+from mmpf.tracks import TENTATIVE
+
+FLOW_MPS, APPEARS_S = 20.0, 3.0
+
+
+@pytest.mark.parametrize(("probability", "within_s"), [(0.97, 2.0), (0.6, 3.0), (0.35, 5.0)])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_vehicle_that_appears_in_plain_view_is_reported(probability: float, within_s: float, seed: int) -> None:
+    rng, road = np.random.default_rng(seed), highway(lanes=5)
+    lateral = [lane.centre_m for lane in road.lanes]
+    tracker = MixtureTracker(road, SensorModel(range_m=100.0), motion_model("cvm"), np.random.default_rng(seed))
+    others = [(60.0 * side, lateral[k]) for k in (0, 4) for side in (-1, 0, 1)]
+    reported_s = None
+    for step in range(int(10 * (APPEARS_S + within_s)) + 1):
+        time_s = 0.1 * step
+        ego_m = FLOW_MPS * time_s
+        places = [(ego_m + ahead, lat) for ahead, lat in others]
+        newcomer = (ego_m + 25.0, lateral[1])
+        if time_s >= APPEARS_S and rng.random() < probability:
+            places.append(newcomer)
+        lon, lat = (np.array(places) + [0.25, 0.15] * rng.standard_normal((len(places), 2))).T
+        unknown, size = np.full(len(lon), np.nan), np.ones(len(lon))
+        detections = Detections(lon, lat, unknown, 0.3 * size, 0.18 * size, unknown)
+        tracks = tracker.step(Scan(time_s, detections, EgoPose(ego_m, lateral[2], 0.0, FLOW_MPS, 4.7, 1.9)))
+        near = np.hypot(tracks.lon_m - newcomer[0], tracks.lat_m - newcomer[1]) < 3.0
+        if reported_s is None and time_s >= APPEARS_S and (near & (tracks.state != TENTATIVE)).any():
+            reported_s = time_s - APPEARS_S
+    assert reported_s is not None
+    assert reported_s <= within_s
