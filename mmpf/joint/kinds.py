@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.elementary import power
 
 KINDS = 3
 VEHICLE, STANDING, MOVING = range(KINDS)
@@ -52,7 +53,7 @@ class Sightings:
     def detection_probabilities(self) -> FloatArray:
         """Return the detection probability by how far shadows hide the source and its level, shape (m, 3, levels)."""
         relative = np.clip(self.in_shadow / np.maximum(self.in_plain_view, 1e-3), 1e-3, 1.0)
-        full = ((1.0 - self.run_probability) * self.in_plain_view)[:, None] * relative[:, None] ** SHADING
+        full = ((1.0 - self.run_probability) * self.in_plain_view)[:, None] * power(relative[:, None], SHADING)
         return np.asarray(np.minimum(full[:, :, None] * DETECTABILITY, LARGEST_PROBABILITY))
 
 
@@ -70,7 +71,7 @@ def vehicle_share(kinds: FloatArray) -> FloatArray:
 
 def mean_detectability(kinds: FloatArray) -> FloatArray:
     """Return each source's expected detectability, given that there is one, shape (m,)."""
-    return np.asarray(kinds.sum(axis=(1, 2)) @ DETECTABILITY)
+    return np.asarray((kinds.sum(axis=(1, 2)) * DETECTABILITY).sum(axis=1))
 
 
 def weighed(alive: FloatArray, sightings: Sightings) -> FloatArray:
