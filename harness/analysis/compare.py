@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -156,7 +156,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
     differs = _differing(a, b, allow_different)
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
         single = compare_runs(a, b, rules)
-        verdicts = tuple(judge(single.measured, rules))
+        verdicts = _with_values(judge(single.measured, rules))
         told = (*notes_of(a, b), *notes)
         return Comparison(a.name, b.name, verdicts, told, rules, "vehicles", (), single.why, differs)
     arms: list[Arms] = []
@@ -187,7 +187,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         _refuse_unless(allow_different, a, b, [f"the traffic or the detections of {other} of {compared} pairs"])
         differs = (f"traffic or detections of {other} of {compared} pairs, so that nothing is paired", *differs)
     measured = [measure(arm, 0.0 if rules.judges(arm.quantity) else TOLERATED_LOSS) for arm in arms]
-    verdicts = tuple(judge(measured, rules))
+    verdicts = _with_values(judge(measured, rules))
     told = (
         *notes,
         *_older_notes(a, b, rules),
@@ -272,6 +272,11 @@ def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, 
         )
     for label in common:
         yield label, a.rows[a.rows["label"] == label], b.rows[b.rows["label"] == label]
+
+
+def _with_values(verdicts: Iterable[Verdict]) -> tuple[Verdict, ...]:
+    """Leave out metrics that neither side has a value of, unless they were to be judged."""
+    return tuple(each for each in verdicts if each.primary or not (np.isnan(each.a) and np.isnan(each.b)))
 
 
 def _is_told(quantity: Quantity, rules: Rules, matched: tuple[pd.DataFrame, pd.DataFrame]) -> bool:
