@@ -12,7 +12,6 @@ from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.protocol import MotionModel, TakesHeadings
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
-from mmpf.numerics.elementary import exp, log
 from mmpf.options.filter import BirthOptions, FilterOptions
 from mmpf.scan import Detections
 
@@ -87,13 +86,13 @@ def give_birth(
     latents = motion.draw_latents(state, rng)
     if isinstance(motion, TakesHeadings) and detections.headings is not None:
         latents = motion.towards(latents, detections.headings.take(chosen), rng)
-    even = np.full(state.shape[1], -log(particles))
+    even = np.full(state.shape[1], -np.log(particles))
     cloud = ParticleCloud(
         state=state,
         log_weight=even,
         log_raw_weight=even,
         component=np.repeat(np.arange(len(chosen)), particles),
-        log_component_weight=np.full(state.shape[1], -log(keep.sum() + len(chosen))),
+        log_component_weight=np.full(state.shape[1], -np.log(keep.sum() + len(chosen))),
         latents=latents,
     )
     components = births.components
@@ -144,5 +143,5 @@ def local_speed(lon_m: FloatArray, lat_m: FloatArray, traffic: Traffic, range_m:
     away = ((lon_m[:, None] - traffic.lon_m[None, :]) / range_m) ** 2
     if traffic.lat_m is not None:
         away += ((lat_m[:, None] - traffic.lat_m[None, :]) / range_m) ** 2
-    weight = exp(-0.5 * away) + 1e-9
-    return np.asarray((weight * traffic.speed_mps).sum(axis=1) / weight.sum(axis=1))
+    weight = np.exp(-0.5 * away) + 1e-9
+    return np.asarray(weight @ traffic.speed_mps / weight.sum(axis=1))

@@ -9,7 +9,6 @@ import numpy as np
 from mmpf.belief.mixture import Mixture
 from mmpf.motion.state import LAT, LON, STATE_SIZE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import arctan2, cos, exp, sin
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.threads import in_shares
 from mmpf.scan import Detections
@@ -69,7 +68,7 @@ def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Momen
     which = np.arange(len(mixture)) if chosen is None else chosen
     mean = np.zeros((STATE_SIZE, len(which)))
     variance = np.zeros((STATE_SIZE, len(which)))
-    weight = exp(mixture.cloud.log_weight)
+    weight = np.exp(mixture.cloud.log_weight)
     state, starts = mixture.cloud.state, mixture.starts
 
     def accumulate(begin: int, end: int) -> None:
@@ -83,7 +82,7 @@ def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Momen
 def effective_sizes(mixture: Mixture) -> FloatArray:
     """Return each component's effective sample size 1 / sum w^2, shape (m,)."""
     effective_size = np.zeros(len(mixture))
-    _invert_sums_of_squares(exp(mixture.cloud.log_weight), mixture.starts, effective_size)
+    _invert_sums_of_squares(np.exp(mixture.cloud.log_weight), mixture.starts, effective_size)
     return effective_size
 
 
@@ -113,9 +112,9 @@ def _mean_directions(mixture: Mixture, weight: FloatArray) -> FloatArray:
     """Return the directions of the components' mean unit vectors, shape (m,)."""
     heading, component = mixture.cloud.latents[-1], mixture.cloud.component
     sine, cosine = (
-        np.bincount(component, weight * part, minlength=len(mixture)) for part in (sin(heading), cos(heading))
+        np.bincount(component, weight * part, minlength=len(mixture)) for part in (np.sin(heading), np.cos(heading))
     )
-    return np.asarray(arctan2(sine, cosine))
+    return np.asarray(np.arctan2(sine, cosine))
 
 
 @kernel(fastmath=True)

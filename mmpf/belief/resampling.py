@@ -10,10 +10,8 @@ from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.belief.moments import component_moments
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from mmpf.numerics.elementary import exp, log
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.normals import standard_normals
-from mmpf.numerics.products import factors
 from mmpf.numerics.threads import in_shares
 
 SMOOTHED = (LON, LAT, SPEED, LAT_SPEED, ACCEL, LAT_ACCEL)
@@ -39,7 +37,7 @@ def resample(mixture: Mixture, which: BoolArray, particles: int, rng: np.random.
     sizes = np.where(which, particles, np.diff(starts))
     component = np.repeat(np.arange(len(mixture)), sizes)
     ancestors = np.empty(sizes.sum(), dtype=np.int64)
-    _systematic_ancestors(exp(mixture.cloud.log_weight), starts, which, offsets, particles, ancestors)
+    _systematic_ancestors(np.exp(mixture.cloud.log_weight), starts, which, offsets, particles, ancestors)
     new_starts = np.concatenate([[0], np.cumsum(sizes)])
 
     def descended(values: FloatArray) -> FloatArray:
@@ -50,7 +48,7 @@ def resample(mixture: Mixture, which: BoolArray, particles: int, rng: np.random.
     cloud = mixture.cloud
     weights = np.stack([cloud.log_weight, cloud.log_raw_weight, cloud.log_component_weight])
     log_weight, log_raw_weight, log_component_weight = descended(weights)
-    log_weight[which[component]] = -log(particles)
+    log_weight[which[component]] = -np.log(particles)
     cloud = ParticleCloud(
         state=descended(cloud.state),
         log_weight=log_weight,
@@ -112,7 +110,7 @@ def _covariance_factors(mixture: Mixture, chosen: IntArray, mean: FloatArray) ->
         _accumulate_covariances(begin, end, state, log_weight, starts, chosen, mean, covariance)
 
     in_shares(accumulate, len(chosen), cost=len(state[0]) / max(len(mixture), 1))
-    return factors(covariance + SMALLEST_VARIANCE * np.eye(len(SMOOTHED)))
+    return np.asarray(np.linalg.cholesky(covariance + SMALLEST_VARIANCE * np.eye(len(SMOOTHED))), dtype=np.float64)
 
 
 @kernel()

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import log
 from mmpf.numerics.kernels import kernel
 
 
@@ -58,7 +57,7 @@ def mean_entropy(probability: FloatArray) -> float:
     if probability.size == 0:
         return 0.0
     full = np.column_stack([probability, np.maximum(1.0 - probability.sum(axis=1), 0.0)])
-    return float(-(full * log(np.maximum(full, 1e-300))).sum(axis=1).mean())
+    return float(-(full * np.log(np.maximum(full, 1e-300))).sum(axis=1).mean())
 
 
 @kernel()

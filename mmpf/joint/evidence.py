@@ -13,7 +13,6 @@ from mmpf.motion.guided import HEADING
 from mmpf.motion.pointing import heading_ratio
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.elementary import exp, log, power
 from mmpf.numerics.kernels import kernel
 from mmpf.scan import BodyHeadings, Detections, SensorModel
 
@@ -25,7 +24,7 @@ def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return weights that sum to one within each component, shape (n,)."""
     weight = np.empty(len(log_weight))
     _subtract_largest(log_weight, starts, weight)
-    exp(weight, out=weight)
+    np.exp(weight, out=weight)
     return weight / np.repeat(totals(weight, starts), np.diff(starts))
 
 
@@ -79,7 +78,7 @@ def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return logarithms of weights that sum to one within each component, none below 1e-300, shape (n,)."""
     relative = np.empty(len(log_weight))
     _subtract_largest(log_weight, starts, relative)
-    log_total = log(totals(exp(relative), starts))
+    log_total = np.log(totals(np.exp(relative), starts))
     relative -= np.repeat(log_total, np.diff(starts))
     return np.maximum(relative, LOG_SMALLEST)
 
@@ -212,7 +211,7 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
         starts,
         values,
     )
-    exp(values, out=values)
+    np.exp(values, out=values)
     if detections.headings is not None and mixture.has_headings:
         _weigh_headings(mixture, component, detections.headings.take(detection), starts, values)
     return GatedLikelihoods(component, detection, values, starts)
@@ -246,7 +245,7 @@ def resolvable_std(std: FloatArray, spread: FloatArray, particles: IntArray) -> 
     floor = np.full(len(target), np.inf)
     others = np.ones(len(target))
     for raised in range(len(share), 0, -1):
-        floor = np.minimum(floor, power(target / others, 1.0 / raised))
+        floor = np.minimum(floor, (target / others) ** (1.0 / raised))
         others = others * largest_first[len(share) - raised]
     at_floor = spread * floor / np.sqrt(1.0 - np.minimum(floor, 0.999) ** 2)
     return np.where(share < floor, at_floor, std)

@@ -14,7 +14,6 @@ import numpy as np
 
 from mmpf.joint.kinds import FALSE, KINDS, LEVELS, SHADING, VEHICLE, shares_of
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import exp
 from mmpf.options.joint import JointFalseObjects, JointNewborn, JointVehicles
 from mmpf.scan import SensorModel
 
@@ -67,7 +66,7 @@ class FalseObjects:
 
     def after(self, dt_s: float, memory_s: float) -> Self:
         """Return the counts a step later."""
-        kept = exp(-dt_s / memory_s)
+        kept = np.exp(-dt_s / memory_s)
         return replace(
             self,
             counted=kept * self.counted,
@@ -94,7 +93,7 @@ class FalseObjects:
             self,
             counted=self.counted + (ended + still).sum(axis=0),
             ended=self.ended + ended.sum(axis=(0, 2)),
-            lived_s=self.lived_s + (were.T * lived_s).sum(axis=1),
+            lived_s=self.lived_s + were.T @ lived_s,
         )
 
     def with_vehicles(

@@ -17,7 +17,6 @@ from mmpf.belief.sizes import sizes_of, with_measured_sizes
 from mmpf.joint.sources import sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import exp, log
 from mmpf.numerics.kernels import kernel
 from mmpf.options.joint import JointIdentity
 from mmpf.stages.update_rule import Finetuned
@@ -55,7 +54,7 @@ def hand_over_identity(
     density = np.zeros((len(new), len(old)))
     _density_at(
         mixture.cloud.state,
-        exp(mixture.cloud.log_weight),
+        np.exp(mixture.cloud.log_weight),
         mixture.starts,
         old,
         np.ascontiguousarray(moments.mean[:, new]),
@@ -66,7 +65,7 @@ def hand_over_identity(
     density *= components.existence[old]
     was_unseen_by_then = components.unseen_s[old][None, :] > components.age_s[new][:, None] - options.both_seen_s
     possible = was_unseen_by_then | components.withdrawn[old]
-    log_ratio = log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
+    log_ratio = np.log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
     rows, columns = linear_sum_assignment(np.maximum(log_ratio, 0.0), maximize=True)
     linked = log_ratio[rows, columns] > 0.0
     heirs, left = new[rows[linked]], old[columns[linked]]

@@ -9,7 +9,6 @@ from mmpf.belief.moments import Moments
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import cos, sin
 from mmpf.numerics.kernels import kernel
 
 # Half a footprint, a little wider across: cars do not drive mirror to mirror.
@@ -46,8 +45,8 @@ def room_beside_seen_vehicles(
             ~is_seen,
             np.append(moments.mean[LON][holds_place], ego.lon_m),
             np.append(moments.mean[LAT][holds_place], ego.lat_m),
-            cos(heading),
-            sin(heading),
+            np.cos(heading),
+            np.sin(heading),
             strength,
             SCALE_ALONG * np.append(length, ego.length_m),
             SCALE_ACROSS * np.append(width, ego.width_m),

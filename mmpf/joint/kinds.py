@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import power
 
 KINDS = 3
 VEHICLE, STANDING, MOVING = range(KINDS)
@@ -53,7 +52,7 @@ class Sightings:
     def detection_probabilities(self) -> FloatArray:
         """Return the detection probability by how far shadows hide the source and its level, shape (m, 3, levels)."""
         relative = np.clip(self.in_shadow / np.maximum(self.in_plain_view, 1e-3), 1e-3, 1.0)
-        full = ((1.0 - self.run_probability) * self.in_plain_view)[:, None] * power(relative[:, None], SHADING)
+        full = ((1.0 - self.run_probability) * self.in_plain_view)[:, None] * relative[:, None] ** SHADING
         return np.asarray(np.minimum(full[:, :, None] * DETECTABILITY, LARGEST_PROBABILITY))
 
 
@@ -71,7 +70,7 @@ def vehicle_share(kinds: FloatArray) -> FloatArray:
 
 def mean_detectability(kinds: FloatArray) -> FloatArray:
     """Return each source's expected detectability, given that there is one, shape (m,)."""
-    return np.asarray((kinds.sum(axis=(1, 2)) * DETECTABILITY).sum(axis=1))
+    return np.asarray(kinds.sum(axis=(1, 2)) @ DETECTABILITY)
 
 
 def weighed(alive: FloatArray, sightings: Sightings) -> FloatArray:

@@ -13,7 +13,6 @@ from mmpf.joint.overlap import overlapping
 from mmpf.joint.sources import Sources
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import exp, expm1
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointOptions
 from mmpf.stages.update_rule import Situation
@@ -36,12 +35,12 @@ def ended_meanwhile(
     """
     vehicles = options.vehicles
     alive = sources.existence[:, None, None, None] * sources.kinds
-    ends = -expm1(-dt_s / learned.mean_life_s(options.false_objects))[None, :, None]
+    ends = -np.expm1(-dt_s / learned.mean_life_s(options.false_objects))[None, :, None]
     ended = sources.ended + ends * alive[:, FALSE].sum(axis=2)
-    survival = np.concatenate([np.full((1, 1, 1), exp(-options.existence.death_rate_per_s * dt_s)), 1.0 - ends], 1)
+    survival = np.concatenate([np.full((1, 1, 1), np.exp(-options.existence.death_rate_per_s * dt_s)), 1.0 - ends], 1)
     alive = alive * survival[..., None]
     shading = learned.vehicle_shading(vehicles)
-    return relaxed_shading(alive, shading, -expm1(-dt_s / vehicles.shading_s)), ended
+    return relaxed_shading(alive, shading, -np.expm1(-dt_s / vehicles.shading_s)), ended
 
 
 def kinds_after(
@@ -88,8 +87,8 @@ def kinds_after(
         speed_log = np.where(seen[:, None], now, speed_log)
         gain = speed_log - before.speed_log
         gain[:, VEHICLE] -= _overlap_loss(before, moments, options, situation.dt_s)
-        kinds = normalised(kinds * exp(gain - gain.max(axis=1, keepdims=True))[:, :, None, None])
-        kinds = bounded(kinds, 1.0 / (1.0 + exp(joint.kinds.largest_log_odds)))
+        kinds = normalised(kinds * np.exp(gain - gain.max(axis=1, keepdims=True))[:, :, None, None])
+        kinds = bounded(kinds, 1.0 / (1.0 + np.exp(joint.kinds.largest_log_odds)))
     return replace(sources, existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from mmpf.joint.false_objects import FalseObjects
 from mmpf.joint.sources import Sources
 from mmpf.numerics.arrays import BoolArray
-from mmpf.numerics.elementary import exp, expm1
 from mmpf.scan import SensorModel
 from mmpf.visibility.range_profile import Reach
 
@@ -41,7 +40,7 @@ class Known:
         """Return it with a scan's expected number of false detections counted; None: the data sheet's number holds."""
         if memory_s is None:
             return self
-        known, share = self.sensor.clutter_per_scan, -expm1(-dt_s / memory_s)
+        known, share = self.sensor.clutter_per_scan, -np.expm1(-dt_s / memory_s)
         counted = known + share * (false_detections - known)
         return replace(self, sensor=replace(self.sensor, clutter_per_scan=float(counted)))
 
@@ -49,7 +48,7 @@ class Known:
 def with_sources(learned: FalseObjects, sources: Sources, removed: BoolArray) -> FalseObjects:
     """Return what is known of sources, with the vehicles that are there and with all that are removed, shape (m,)."""
     alive = sources.existence[:, None, None, None] * sources.kinds
-    learned = learned.with_vehicles(alive, sources.hits, sources.born_in_view, exp(sources.stood_log), removed)
+    learned = learned.with_vehicles(alive, sources.hits, sources.born_in_view, np.exp(sources.stood_log), removed)
     gone = np.flatnonzero(removed & (sources.hits >= FEWEST_FALSE_HITS))
     lived_s = np.maximum(sources.age_s[gone] - sources.unseen_s[gone], 0.0)
     return learned.with_removed(alive[gone], sources.ended[gone], lived_s)

@@ -12,7 +12,6 @@ from mmpf.belief.sizes import sizes_of, with_measured_sizes
 from mmpf.joint.sources import sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, turned
-from mmpf.numerics.elementary import cos
 from mmpf.options.joint import JointMerging
 
 # Two whose directions differ by more than 60 degrees are two.
@@ -53,7 +52,7 @@ def merge_lasting_overlaps(
     distance = np.hypot(along / lon_m, across / lat_m)
     apart = (np.abs(along) >= lon_m) | (np.abs(across) >= lat_m)
     apart |= np.abs(mean[SPEED][:, None] - mean[SPEED][None, :]) >= options.speed_mps
-    apart |= cos(moments.heading_rad[:, None] - moments.heading_rad) < SAME_WAY
+    apart |= np.cos(moments.heading_rad[:, None] - moments.heading_rad) < SAME_WAY
     both = components.confirmed[:, None] & components.confirmed[None, :]
     there = alive & (components.existence > options.existence_above)
     apart |= ~(there[:, None] & there[None, :])

@@ -25,7 +25,6 @@ from mmpf.joint.known import Known
 from mmpf.joint.sources import Sources
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.elementary import expm1, power
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointNewborn, JointOptions
 from mmpf.scan import SensorModel
@@ -88,7 +87,7 @@ def kinds_at_birth(
     kinds = np.zeros((len(places.in_view), *SHAPE))
     vehicles, newborn, false_objects = options.vehicles, options.newborn, options.false_objects
     usual = learned.vehicle_profile(vehicles) * DETECTABILITY
-    overlooked = usual * power(1.0 - np.minimum(DETECTABILITY, 0.99), OVERLOOKED_SCANS)
+    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** OVERLOOKED_SCANS
     late = newborn.overlooked_share * places.in_view
     profile = (1.0 - late)[:, None] * usual / usual.sum() + late[:, None] * overlooked / overlooked.sum()
     shadow = _by_shading(learned.vehicle_shading(vehicles), places.seen_share)
@@ -127,12 +126,12 @@ def newborn_sources(
 
 def _rate(in_view: FloatArray, in_view_per_s: float, options: JointNewborn) -> FloatArray:
     """Return how many vehicles a second appear in places of a degree of plain view, shape (k,)."""
-    return np.asarray(power(options.appear_out_of_view_per_s, 1.0 - in_view) * power(in_view_per_s, in_view))
+    return np.asarray(options.appear_out_of_view_per_s ** (1.0 - in_view) * in_view_per_s**in_view)
 
 
 def _by_shading(shares: Sequence[float] | FloatArray, seen_share: FloatArray) -> FloatArray:
     """Return how probable a first detection makes each shading, unnormalised, shape (k, 3)."""
-    return np.asarray(shares_of(shares) * power(np.maximum(seen_share, 1e-3)[:, None], SHADING))
+    return np.asarray(shares_of(shares) * np.maximum(seen_share, 1e-3)[:, None] ** SHADING)
 
 
 def appearances_at(
@@ -172,7 +171,7 @@ def appearances_at(
     shares = known.reach.shares(options.joint.reach.prior_scans)
     watched *= np.minimum(share_at(distance, shares, known.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
-    watched *= -expm1(-known.false_objects.since_start_s / newborn.first_look_s)
+    watched *= -np.expm1(-known.false_objects.since_start_s / newborn.first_look_s)
 
     def in_view(passing_mps: float) -> FloatArray:
         """Return the degree of plain view for vehicles that pass the ego at a speed."""

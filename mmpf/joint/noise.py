@@ -15,7 +15,6 @@ from mmpf.belief.moments import Moments
 from mmpf.joint.sources import Sources
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.elementary import expm1
 from mmpf.options.joint import JointNoise
 from mmpf.scan import Scan
 from mmpf.stages.update_rule import Situation
@@ -65,7 +64,7 @@ def with_innovations(
     surprise = 0.5 * (np.minimum(lon, LARGEST_SURPRISE) + np.minimum(lat, LARGEST_SURPRISE))
     # The filter follows part of what drifts, so that innovations are smaller than errors.
     expected = 1.0 - options.followed_drift * situation.sensor.noise_correlated_share
-    learned = -expm1(-situation.dt_s / options.memory_s)
+    learned = -np.expm1(-situation.dt_s / options.memory_s)
     factor[hit] = np.clip(factor[hit] * (1.0 + 0.5 * learned * (surprise / expected - 1.0)), *FACTOR_BOUNDS)
     return replace(
         sources,

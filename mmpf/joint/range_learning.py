@@ -9,7 +9,6 @@ from mmpf.joint.kinds import DETECTABILITY, VEHICLE, Sightings
 from mmpf.joint.known import Known
 from mmpf.joint.sources import Sources
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import exp
 from mmpf.options.joint import JointOptions
 from mmpf.visibility.range_profile import Reach
 
@@ -48,5 +47,5 @@ def reach_after(
     usual = before.kinds[counted][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
     weight = before.existence[counted] * usual
     expected = weight * (1.0 - run[counted]) * known.sensor.detection_probability
-    kept = exp(-dt_s / options.reach.memory_s)
+    kept = np.exp(-dt_s / options.reach.memory_s)
     return known.reach.after(distance_m[counted], expected, weight * sightings.hit[counted], kept)

@@ -42,7 +42,6 @@ from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel, spreads_speed
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray
-from mmpf.numerics.elementary import log
 from mmpf.options.filter import OTHER_SPEED_ERROR, FilterOptions, ModelErrorOptions
 from mmpf.scan import Scan, SensorModel
 from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situation, Updated
@@ -133,7 +132,7 @@ class JointUpdate:
             situation.plane,
             options.exclusion_per_s * situation.dt_s,
         )
-        raw = log(np.maximum(prior_weight * factor, 1e-300))
+        raw = np.log(np.maximum(prior_weight * factor, 1e-300))
         log_weight = log_normalised(raw, prior.starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
 
@@ -224,7 +223,7 @@ class JointUpdate:
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Make component weights proportional to existence: each expects as many vehicles."""
         existence = mixture.components.existence
-        log_weight = log(existence / max(existence.sum(), 1e-300))
+        log_weight = np.log(existence / max(existence.sum(), 1e-300))
         cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
         return replace(mixture, cloud=cloud)
 

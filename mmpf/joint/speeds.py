@@ -9,7 +9,6 @@ from mmpf.belief.moments import Moments
 from mmpf.map.road import Road
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import exp, log
 from mmpf.options.joint import JointSpeeds
 
 # Vehicles queue so far before a stop line.
@@ -64,9 +63,9 @@ def log_speed_likelihoods(
     standing = _normal(speed, variance + options.standing_std_mps**2)
     slowest = _normal(np.zeros_like(speed), variance + options.standing_std_mps**2)
     vehicle = stopped * standing + (1.0 - stopped) * flowing
-    always_stood = np.minimum(standing, slowest * exp(stood_log))
-    return np.asarray(log(np.maximum(np.stack([vehicle, always_stood, flowing], axis=1), 1e-12)))
+    always_stood = np.minimum(standing, slowest * np.exp(stood_log))
+    return np.asarray(np.log(np.maximum(np.stack([vehicle, always_stood, flowing], axis=1), 1e-12)))
 
 
 def _normal(difference: FloatArray, variance: FloatArray) -> FloatArray:
-    return np.asarray(exp(-0.5 * difference**2 / variance) / np.sqrt(variance))
+    return np.asarray(np.exp(-0.5 * difference**2 / variance) / np.sqrt(variance))

@@ -15,7 +15,6 @@ from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.reference_line import STRAIGHT, ReferenceLine
 from mmpf.map.road import InReach, Lane, LaneLine
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import cos, sin
 
 MOST_DRAWINGS = 100
 
@@ -156,8 +155,8 @@ class LaneGraphRoad:
         x, y, heading = self.graph.place(lane, along + way_m, left)
         goes = (lane != NOWHERE) & (way_m > 0.0)
         return (
-            np.where(goes, x, lon_m + way_m * cos(axis_rad)),
-            np.where(goes, y, lat_m + way_m * sin(axis_rad)),
+            np.where(goes, x, lon_m + way_m * np.cos(axis_rad)),
+            np.where(goes, y, lat_m + way_m * np.sin(axis_rad)),
             np.where(goes, heading, axis_rad),
         )
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import arctan2
 
 # As many lanes as can lie over one another in a large junction.
 MOST_OVER_ONE_ANOTHER = 24
@@ -49,7 +48,7 @@ def drawn_on_lanes(
     x = segments.start_x[piece] + along * cosine - across * sine
     y = segments.start_y[piece] + along * sine + across * cosine
     kept = rng.uniform(size=count) * np.maximum(lanes_over(graph, x, y), 1) < 1.0
-    return x, y, arctan2(sine, cosine), kept
+    return x, y, np.arctan2(sine, cosine), kept
 
 
 def pieces_within(graph: LaneGraph, x: float, y: float, range_m: float) -> IntArray:

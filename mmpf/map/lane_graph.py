@@ -14,7 +14,6 @@ import numpy as np
 from mmpf.map.control import FREE, LinkControl
 from mmpf.map.finding import fill_cells, find_lanes, lay_out, project
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
-from mmpf.numerics.elementary import arctan2
 
 NOWHERE = -1
 """In place of a lane's index: no lane."""
@@ -195,7 +194,7 @@ class LaneGraph:
     def curvature_per_m(self) -> FloatArray:
         """Mean curvature of each lane, whichever way it bends, shape (l,)."""
         pieces = self.segments
-        bend = np.abs(wrapped(np.diff(arctan2(pieces.sine, pieces.cosine))))
+        bend = np.abs(wrapped(np.diff(np.arctan2(pieces.sine, pieces.cosine))))
         within = pieces.lane[1:] == pieces.lane[:-1]
         total = np.bincount(pieces.lane[1:][within], bend[within], minlength=len(self))
         return np.asarray(total / self.length_m)

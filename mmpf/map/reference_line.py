@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.elementary import arctan2, cos, sin
 
 # A segment that faces a position goes before one that is nearer but does not.
 FACING_FIRST = 1e6
@@ -35,7 +34,7 @@ class ReferenceLine:
     @cached_property
     def _segment_headings(self) -> FloatArray:
         steps = np.diff(self._vertices, axis=0)
-        return np.asarray(arctan2(steps[:, 1], steps[:, 0]))
+        return np.arctan2(steps[:, 1], steps[:, 0])
 
     @cached_property
     def _vertex_lon(self) -> FloatArray:
@@ -77,8 +76,8 @@ class ReferenceLine:
         share = np.clip(along / self._segment_lengths[segment], 0.0, 1.0)
         along = along + lat_m * (start[segment] + (end - start)[segment] * share)
         origin = self._vertices[segment]
-        x = origin[..., 0] + along * cos(heading) - lat_m * sin(heading)
-        y = origin[..., 1] + along * sin(heading) + lat_m * cos(heading)
+        x = origin[..., 0] + along * np.cos(heading) - lat_m * np.sin(heading)
+        y = origin[..., 1] + along * np.sin(heading) + lat_m * np.cos(heading)
         return x, y
 
     def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -86,7 +85,7 @@ class ReferenceLine:
 
         Where several segments face a position the nearest counts.
         """
-        cosine, sine = cos(self._segment_headings), sin(self._segment_headings)
+        cosine, sine = np.cos(self._segment_headings), np.sin(self._segment_headings)
         offset_x = np.asarray(x)[:, None] - self._vertices[None, :-1, 0]
         offset_y = np.asarray(y)[:, None] - self._vertices[None, :-1, 1]
         along = offset_x * cosine + offset_y * sine

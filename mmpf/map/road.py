@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import arctan2
 
 if TYPE_CHECKING:
     from mmpf.map.lane_graph import LaneGraph
@@ -232,4 +231,4 @@ def wall_bodies(walls_xy: FloatArray) -> FloatArray:
     """
     middle, step = 0.5 * (walls_xy[:, :2] + walls_xy[:, 2:]), walls_xy[:, 2:] - walls_xy[:, :2]
     length = np.hypot(step[:, 0], step[:, 1])
-    return np.stack([*middle.T, arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls_xy), WALL_WIDTH_M)])
+    return np.stack([*middle.T, np.arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls_xy), WALL_WIDTH_M)])

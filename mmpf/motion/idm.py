@@ -11,7 +11,6 @@ from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, ProcessNoise, committed_
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings, offset_in_lane
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, SPEED
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import exp, power
 
 SMALLEST_GAP_M = 0.1
 LANE_ATTRACTION_PER_S2 = 0.1
@@ -63,7 +62,7 @@ def idm_acceleration(
     dynamic_gap = np.maximum(speed_mps * headway + _closing_gap_m(speed_mps, leader, driver), 0.0)
     gap = np.maximum(leader.gap_m, SMALLEST_GAP_M)
     interaction = np.where(leader.exists, (driver.standstill_gap_m + dynamic_gap) / gap, 0.0) ** 2
-    free_road = 1.0 - power(speed_mps / driver.desired_speed_mps, driver.exponent)
+    free_road = 1.0 - (speed_mps / driver.desired_speed_mps) ** driver.exponent
     accel: FloatArray = driver.max_accel_mps2 * (free_road - interaction)
     return np.maximum(accel, -HARDEST_BRAKING_MPS2)
 
@@ -187,7 +186,7 @@ class AdaptiveDriver:
         )
         wanted += latents[1]
         accel = state[ACCEL] + min(self.adaptation.lag_per_s * dt_s, 1.0) * (wanted - state[ACCEL])
-        kept = exp(-dt_s / self.adaptation.deviation_s)
+        kept = np.exp(-dt_s / self.adaptation.deviation_s)
         fresh = self.adaptation.deviation_mps2 * np.sqrt(1.0 - kept**2) * rng.standard_normal(len(headway))
         after = np.stack([headway, kept * latents[1] + fresh])
         return _driven(state, accel, surroundings, self.noise, dt_s, rng), after
@@ -197,7 +196,7 @@ class AdaptiveDriver:
         driver, leader, speed = self.driver, surroundings.leader, state[SPEED]
         accel = state[ACCEL] - self.adaptation.leader_accel_share * leader.accel_mps2
         accel = np.clip(accel, -2.0 * driver.max_accel_mps2, 0.95 * driver.max_accel_mps2)
-        left_for_leader = 1.0 - power(speed / driver.desired_speed_mps, driver.exponent) - accel / driver.max_accel_mps2
+        left_for_leader = 1.0 - (speed / driver.desired_speed_mps) ** driver.exponent - accel / driver.max_accel_mps2
         gap = np.where(leader.exists, np.clip(leader.gap_m, 0.1, 200.0), 0.1)
         desired_gap = gap * np.sqrt(np.maximum(left_for_leader, 1e-3))
         spare = desired_gap - driver.standstill_gap_m - _closing_gap_m(speed, leader, driver)

@@ -14,7 +14,6 @@ import numpy as np
 from mmpf.motion.protocol import Memoryless, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import arctan2, cos, sin
 
 HARDEST_BRAKING_MPS2 = 9.0
 STRONGEST_ACCEL_MPS2 = 5.0
@@ -149,14 +148,14 @@ def _steer(
     curvature = (before[LAT_ACCEL] + lat_accel_kick) / steered_speed**2
     curvature = np.clip(curvature, -TIGHTEST_CURVATURE_PER_M, TIGHTEST_CURVATURE_PER_M)
     mean_speed = 0.5 * (path_speed + next_path_speed)
-    heading = _bounded_heading(arctan2(before[LAT_SPEED], before[SPEED]))
+    heading = _bounded_heading(np.arctan2(before[LAT_SPEED], before[SPEED]))
     next_heading = _bounded_heading(heading + mean_speed * curvature * dt_s)
     mid_heading = 0.5 * (heading + next_heading)
     after = np.empty((STATE_SIZE, before.shape[1]))
-    after[LON] = before[LON] + mean_speed * cos(mid_heading) * dt_s
-    after[LAT] = before[LAT] + mean_speed * sin(mid_heading) * dt_s
-    after[SPEED] = next_path_speed * cos(next_heading)
-    after[LAT_SPEED] = next_path_speed * sin(next_heading)
+    after[LON] = before[LON] + mean_speed * np.cos(mid_heading) * dt_s
+    after[LAT] = before[LAT] + mean_speed * np.sin(mid_heading) * dt_s
+    after[SPEED] = next_path_speed * np.cos(next_heading)
+    after[LAT_SPEED] = next_path_speed * np.sin(next_heading)
     after[ACCEL] = next_accel
     after[LAT_ACCEL] = curvature * np.maximum(next_path_speed, SLOWEST_STEERED_MPS) ** 2
     return after

@@ -20,7 +20,6 @@ from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spread
 from mmpf.motion.state import ACCEL
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import expm1
 
 GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
 
@@ -75,9 +74,9 @@ class Manoeuvring:
         moved, carried = checked_step(inner, inner.propagate(state, own, surroundings, dt_s, rng), state, own)
         after = np.vstack([carried, latents[HOLDS]])
         change = rng.random(state.shape[1], dtype=np.float32)
-        goes_on = ~surroundings.is_hidden & (change >= -expm1(-dt_s / self.mean_s))
+        goes_on = ~surroundings.is_hidden & (change >= -np.expm1(-dt_s / self.mean_s))
         held = np.flatnonzero((latents[HOLDS] != 0.0) & goes_on)
-        begins = (latents[HOLDS] == 0.0) & ~surroundings.is_hidden & (change < -expm1(-dt_s * self.begin_per_s))
+        begins = (latents[HOLDS] == 0.0) & ~surroundings.is_hidden & (change < -np.expm1(-dt_s * self.begin_per_s))
         begun = np.flatnonzero(begins)
         # Evenly spread, particle after particle: those of one vehicle leave no wide gap between what they try.
         even = (rng.random() + GOLDEN_RATIO * np.arange(len(begun))) % 1.0
@@ -98,7 +97,7 @@ class Manoeuvring:
         begun = log_ratio_of_begun(
             after[HOLDS] != 0.0,
             ~surroundings.is_hidden & (latents[HOLDS] == 0.0),
-            float(-expm1(-dt_s * self.true_per_s)),
-            float(-expm1(-dt_s * self.begin_per_s)),
+            float(-np.expm1(-dt_s * self.true_per_s)),
+            float(-np.expm1(-dt_s * self.begin_per_s)),
         )
         return begun + log_prior_over_tried(self.inner, latents[:HOLDS], after[:HOLDS], surroundings, dt_s)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray, wrapped
-from mmpf.numerics.elementary import exp
 from mmpf.scan import BodyHeadings
 
 WRONG_SHARE = 0.05
@@ -41,5 +40,5 @@ def heading_ratio(direction_rad: FloatArray, headings: BodyHeadings) -> FloatArr
     off = np.abs(wrapped(direction_rad - headings.heading_rad)) / headings.std_rad
     back = np.pi / headings.std_rad - off
     flipped = headings.flip_probability
-    peak = (1.0 - flipped) * exp(-0.5 * off**2) + flipped * exp(-0.5 * back**2)
+    peak = (1.0 - flipped) * np.exp(-0.5 * off**2) + flipped * np.exp(-0.5 * back**2)
     return np.asarray(WRONG_SHARE + (1.0 - WRONG_SHARE) * peak * np.sqrt(2.0 * np.pi) / headings.std_rad)

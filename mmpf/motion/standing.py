@@ -6,7 +6,6 @@ import numpy as np
 
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray
-from mmpf.numerics.elementary import exp
 
 # Who is slower than this stands, and goes on standing until it starts.
 STANDS_MPS = 0.3
@@ -17,7 +16,7 @@ DRIFT_STD = 0.1
 
 def drawn_standing(speed_mps: FloatArray, dt_s: float, rng: np.random.Generator) -> BoolArray:
     """Draw which vehicles stand and do so throughout a step, shape (n,)."""
-    return np.asarray((speed_mps < STANDS_MPS) & (rng.random(len(speed_mps)) < exp(-STARTS_PER_S * dt_s)))
+    return np.asarray((speed_mps < STANDS_MPS) & (rng.random(len(speed_mps)) < np.exp(-STARTS_PER_S * dt_s)))
 
 
 def hold_still(moved: FloatArray, before: FloatArray, stands: BoolArray) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 
 from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import log
 
 SMALLEST = 1e-12
 
@@ -64,6 +63,6 @@ def log_ratio_of_begun(
         ways: Number of these ways: to either side, to one or to none.
     """
     true_any, tried_any = np.minimum(ways * true, 1.0), np.minimum(ways * tried, 1.0)
-    did = log(max(true, SMALLEST)) - log(max(tried, SMALLEST))
-    did_not = log(np.maximum(1.0 - true_any, SMALLEST)) - log(np.maximum(1.0 - tried_any, SMALLEST))
+    did = np.log(max(true, SMALLEST)) - np.log(max(tried, SMALLEST))
+    did_not = np.log(np.maximum(1.0 - true_any, SMALLEST)) - np.log(np.maximum(1.0 - tried_any, SMALLEST))
     return np.where(may_begin, np.where(begun, did, did_not), 0.0)

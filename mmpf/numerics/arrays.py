@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.numerics.elementary import cos, sin
-
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
@@ -36,7 +34,7 @@ def taken(rows: Rows, index: IntArray | BoolArray) -> Rows:
 
 def turned(x: FloatArray, y: FloatArray, turn_rad: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """Return differences in x and y as differences along and across a direction that is turned to the left."""
-    cosine, sine = cos(turn_rad), sin(turn_rad)
+    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
     return x * cosine + y * sine, y * cosine - x * sine
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mmpf.numerics.arrays import Float32Array, FloatArray
+from mmpf.numerics.arrays import Float32Array
 from mmpf.numerics.kernels import kernel
 
 
@@ -37,47 +37,3 @@ def multiply(matrix: Float32Array, columns: Float32Array, result: Float32Array) 
                 w, x, y, z = first[n], second[n], third[n], fourth[n]
                 out[n] += (a * w + b * x) + (c * y + d * z)
                 other[n] += (p * w + q * x) + (r * y + s * z)
-
-
-def factors(matrices: FloatArray) -> FloatArray:
-    """Return the Cholesky factors of symmetric positive definite matrices, shape (c, k, k); nan where there is none."""
-    result = np.zeros(matrices.shape)
-    _factorise(np.ascontiguousarray(matrices), result)
-    return result
-
-
-def inverses(factor: FloatArray) -> FloatArray:
-    """Return the inverses of the matrices that have these Cholesky factors, shape (c, k, k)."""
-    result = np.zeros(factor.shape)
-    _invert(np.ascontiguousarray(factor), result)
-    return result
-
-
-@kernel()
-def _factorise(matrices: FloatArray, result: FloatArray) -> None:
-    for c in range(len(matrices)):
-        matrix, factor = matrices[c], result[c]
-        for j in range(len(matrix)):
-            for i in range(j, len(matrix)):
-                value = matrix[i, j]
-                for k in range(j):
-                    value -= factor[i, k] * factor[j, k]
-                factor[i, j] = np.sqrt(value) if i == j else value / factor[j, j]
-
-
-@kernel()
-def _invert(factors: FloatArray, result: FloatArray) -> None:
-    for c in range(len(factors)):
-        factor, size = factors[c], factors.shape[1]
-        lower = np.zeros((size, size))
-        for j in range(size):
-            lower[j, j] = 1.0 / factor[j, j]
-            for i in range(j + 1, size):
-                value = 0.0
-                for k in range(j, i):
-                    value -= factor[i, k] * lower[k, j]
-                lower[i, j] = value / factor[i, i]
-        for i in range(size):
-            for j in range(size):
-                for k in range(max(i, j), size):
-                    result[c, i, j] += lower[k, i] * lower[k, j]

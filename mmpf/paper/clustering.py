@@ -12,7 +12,6 @@ from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import exp
 from mmpf.options.paper import PaperReclustering
 
 ROUNDS = 10
@@ -50,7 +49,7 @@ def recluster(
         if len(members) < 2:
             continue
         particles = np.flatnonzero(np.isin(mixture.cloud.component, members))
-        share = np.cumsum(exp(log_vote[particles] - log_vote[particles].max()))
+        share = np.cumsum(np.exp(log_vote[particles] - log_vote[particles].max()))
         voters = particles[
             np.searchsorted(share, share[-1] * rng.uniform(size=options.voters)).clip(0, len(particles) - 1)
         ]

@@ -17,7 +17,6 @@ from mmpf.belief.resampling import resample
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.numerics.elementary import exp, log
 from mmpf.numerics.kernels import kernel
 from mmpf.options.filter import FilterOptions, ModelErrorOptions
 from mmpf.options.paper import PaperMerging
@@ -98,7 +97,7 @@ class MaxLikelihoodUpdate:
         log_sum = _log_sums(log_raw, prior)
         log_weight = log_raw - log_sum[prior.cloud.component]
         log_before = (
-            np.full(len(prior), -log(max(len(prior), 1)))
+            np.full(len(prior), -np.log(max(len(prior), 1)))
             if rule.existence.weights_anew
             else prior.cloud.log_component_weight[prior.starts[:-1]]
         )
@@ -164,7 +163,7 @@ class MaxLikelihoodUpdate:
             return np.zeros(0, dtype=np.bool_)
         mean = component_moments(mixture).mean
         left = outside_observation_area(mean[LON], mean[LAT], situation, removal.range_margin_m)
-        share = exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
+        share = np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
         is_light = share * len(mixture) < removal.weight
         patience_s = np.where(
             mixture.components.confirmed,
@@ -225,7 +224,7 @@ def _component_weights(
         updated = log_component[performs_update] + log_sum[performs_update]
         log_component[performs_update] = updated - logsumexp(updated) + log_mass
     if floor_weight > 0.0:
-        log_component = np.maximum(log_component, log(floor_weight / len(log_before)))
+        log_component = np.maximum(log_component, np.log(floor_weight / len(log_before)))
         log_component -= logsumexp(log_component)
     return log_component
 
@@ -235,8 +234,8 @@ def _log_sums(log_values: FloatArray, mixture: Mixture) -> FloatArray:
     if len(mixture) == 0:
         return np.zeros(0)
     largest = np.maximum.reduceat(log_values, mixture.starts[:-1])
-    scaled = exp(log_values - largest[mixture.cloud.component])
-    return np.asarray(largest + log(np.add.reduceat(scaled, mixture.starts[:-1])))
+    scaled = np.exp(log_values - largest[mixture.cloud.component])
+    return np.asarray(largest + np.log(np.add.reduceat(scaled, mixture.starts[:-1])))
 
 
 def _merge_overlaps(mixture: Mixture, options: PaperMerging, hidden_after_s: float) -> tuple[Mixture, int]:

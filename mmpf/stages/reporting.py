@@ -11,7 +11,6 @@ from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import cos, sin
 from mmpf.options.filter import ReportingOptions
 from mmpf.scan import SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
@@ -36,7 +35,7 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
     variance = moments.variance.copy()
     drift_m2 = sensor.noise_correlated_share * np.stack(components.noise_m) ** 2
-    lengthwise = np.stack([cos(moments.heading_rad), sin(moments.heading_rad)]) ** 2
+    lengthwise = np.stack([np.cos(moments.heading_rad), np.sin(moments.heading_rad)]) ** 2
     place_m2, along_m2 = ((lengthwise * each).sum(axis=0) for each in (variance[[LON, LAT]], drift_m2))
     variance[SPEED] += followed_speed_variance(place_m2, variance[SPEED], along_m2, sensor.noise_correlation_s)
     variance[[LON, LAT]] += drift_m2

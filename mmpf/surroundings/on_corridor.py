@@ -17,7 +17,6 @@ from mmpf.map.corridor_road import CorridorRoad
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import exp
 from mmpf.options.filter import FlowOptions
 from mmpf.scan import EgoPose
 from mmpf.surroundings.adjacent_lanes import LEFT, OWN, RIGHT, lanes_around
@@ -90,10 +89,10 @@ def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray, options: Fl
         counts: Which of them are seen vehicles, shape (m,).
         options: How much each of them counts.
     """
-    weight = exp(-np.abs(mean[LON][:, None] - mean[LON][None, :]) / options.length_m)
+    weight = np.exp(-np.abs(mean[LON][:, None] - mean[LON][None, :]) / options.length_m)
     weight *= np.where(lane[:, None] == lane[None, :], 1.0, options.other_lane_weight)
     weight *= counts[None, :]
     np.fill_diagonal(weight, 0.0)
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(total > 1e-3, (weight * mean[SPEED]).sum(axis=1) / total, np.nan)
+        return np.where(total > 1e-3, weight @ mean[SPEED] / total, np.nan)

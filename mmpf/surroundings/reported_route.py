@@ -10,7 +10,6 @@ from mmpf.belief.mixture import Mixture
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.motion.guided import guidance
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import exp, log
 from mmpf.numerics.kernels import kernel
 
 # Lanes that one vehicle's particles can be on before some go uncounted.
@@ -28,7 +27,7 @@ def on_heaviest_way(mixture: Mixture, graph: LaneGraph) -> Mixture:
     """
     cloud = mixture.cloud
     lane, _ = guidance(cloud.latents)
-    weight = exp(cloud.log_weight)
+    weight = np.exp(cloud.log_weight)
     keep = np.ones(len(lane), dtype=np.bool_)
     _find_heaviest(lane, weight, mixture.starts, graph.left, graph.right, graph.successor, graph.first_successor, keep)
     if keep.all():
@@ -36,7 +35,7 @@ def on_heaviest_way(mixture: Mixture, graph: LaneGraph) -> Mixture:
     weight = np.where(keep, weight, 0.0)
     total = np.bincount(cloud.component, weight, minlength=len(mixture))
     with np.errstate(divide="ignore"):
-        log_weight = log(weight / total[cloud.component])
+        log_weight = np.log(weight / total[cloud.component])
     return replace(mixture, cloud=replace(cloud, log_weight=log_weight))
 
 

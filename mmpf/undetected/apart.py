@@ -9,7 +9,6 @@ import numpy as np
 from scipy.special import ndtr
 
 from mmpf.numerics.arrays import BoolArray, FloatArray, turned
-from mmpf.numerics.elementary import exp
 from mmpf.scan import Scan
 from mmpf.tracks import TENTATIVE, Tracks
 from mmpf.undetected.cells import LaneCells
@@ -58,8 +57,8 @@ class Apart:
         """Return the speed of the traffic around each cell, shape (n,)."""
         there = self._there
         speeds = self._speed_mps[there]
-        weight = exp(-np.hypot(self.along_m[:, there], 3.0 * self.across_m[:, there]) / length_m)
-        return np.asarray(np.maximum((weight * speeds).sum(axis=1), 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
+        weight = np.exp(-np.hypot(self.along_m[:, there], 3.0 * self.across_m[:, there]) / length_m)
+        return np.asarray(np.maximum(weight @ speeds, 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
 
     @property
     def _speed_mps(self) -> FloatArray:

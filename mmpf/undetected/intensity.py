@@ -18,7 +18,6 @@ from pydantic import Field
 from mmpf.map.road import Road
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.numerics.elementary import exp, expm1
 from mmpf.options.base import NotNegative, Positive, Probability, Settings, in_unit
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import HIDDEN, Tracks
@@ -179,7 +178,7 @@ class UnseenTraffic:
             )
         usual_per_m = self._density_per_m * self._usual_m / self._cells.length_m
         mixing_per_s = (usual_per_m / MIXED_AT_PER_M) ** 3 / self.options.mixing_s
-        field -= expm1(-mixing_per_s * dt_s) * (usual - field)
+        field -= np.expm1(-mixing_per_s * dt_s) * (usual - field)
         self._field_m = self._after_runs(field, dt_s)
 
     def _after_runs(self, field_m: FloatArray, dt_s: float) -> FloatArray:
@@ -225,9 +224,9 @@ class UnseenTraffic:
         cells = taken(self._cells, near)
         along, across = offsets(cells, lost.lon_m, lost.lat_m)
         std = np.maximum(np.hypot(lost.std_lon_m, 0.5 * cells.length_m[:, None]), 1e-3)
-        density = exp(-0.5 * (along / std) ** 2) / (np.sqrt(2.0 * np.pi) * std)
+        density = np.exp(-0.5 * (along / std) ** 2) / (np.sqrt(2.0 * np.pi) * std)
         density *= np.abs(across) < BESIDE_LANE_M
-        gained = (density * cells.length_m[:, None] * lost.existence).sum(axis=1) / self._density_per_m
+        gained = (density * cells.length_m[:, None]) @ lost.existence / self._density_per_m
         self._field_m[:, near] += self._by_run * gained
 
     def _overlooked(self, cells: LaneCells, apart: Apart, plane: SensorPlane, reach: Reach | None) -> FloatArray:

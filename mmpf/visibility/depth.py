@@ -13,7 +13,6 @@ import numpy as np
 from mmpf.map.road import wall_bodies
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.elementary import cos, sin
 from mmpf.numerics.kernels import kernel
 
 BEARINGS = 1440
@@ -72,7 +71,7 @@ def depth_table(
     caster = np.full((2, BEARINGS), -1, dtype=np.int64)
     x, y = plane.seen_from_sensor(lon_m, lat_m)
     heading = headings_in_plane(plane, lon_m, bodies)
-    _cast_shadows(x, y, casts_shadow, *bodies.halves, cos(heading), sin(heading), depth, caster)
+    _cast_shadows(x, y, casts_shadow, *bodies.halves, np.cos(heading), np.sin(heading), depth, caster)
     if plane.road.walls_xy is not None:
         _cast_walls(plane, depth, caster)
     return DepthTable(depth, caster, heading)
@@ -90,7 +89,7 @@ def _cast_walls(plane: SensorPlane, depth: FloatArray, caster: IntArray) -> None
     x, y, heading, length, width = wall_bodies(plane.road.walls_near(ego.lon_m, ego.lat_m, WALLS_WITHIN_M))
     x, y, casts = x - ego.lon_m, y - ego.lat_m, np.ones(len(x), dtype=np.bool_)
     surfaces, of_wall = np.full_like(depth, np.inf), np.full_like(caster, -1)
-    _cast_shadows(x, y, casts, 0.5 * length, 0.5 * width, cos(heading), sin(heading), surfaces, of_wall)
+    _cast_shadows(x, y, casts, 0.5 * length, 0.5 * width, np.cos(heading), np.sin(heading), surfaces, of_wall)
     _put_before(surfaces[0], depth, caster)
 
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import arctan, arctan2
 from mmpf.scan import FreeSpace, SensorModel
 
 
@@ -30,8 +29,8 @@ def share_in_field(
     # The integral over bearing of what is open, over three turns, so that no extent crosses its ends.
     open_before = np.concatenate([[0.0], np.cumsum(np.tile(free_space.range_m > 0.0, 3))])
     x, y = plane.seen_from_sensor(lon_m, lat_m)
-    half = arctan(half_width_m / np.maximum(np.hypot(x, y), 1e-6))
-    bearing = (arctan2(y, x) + plane.turn_rad + np.pi) % (2.0 * np.pi) + 2.0 * np.pi
+    half = np.arctan(half_width_m / np.maximum(np.hypot(x, y), 1e-6))
+    bearing = (np.arctan2(y, x) + plane.turn_rad + np.pi) % (2.0 * np.pi) + 2.0 * np.pi
     per_rad = sectors / (2.0 * np.pi)
     places = np.arange(len(open_before))
     first, last = (np.interp((bearing + side * half) * per_rad, places, open_before) for side in (-1.0, 1.0))

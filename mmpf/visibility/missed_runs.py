@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray
-from mmpf.numerics.elementary import expm1
 
 
 def run_expected(missed: FloatArray, share: float, run_s: float, dt_s: float) -> FloatArray:
@@ -22,7 +21,7 @@ def run_expected(missed: FloatArray, share: float, run_s: float, dt_s: float) ->
         run_s: Mean length of a run.
         dt_s: Length of the step.
     """
-    ends = -expm1(-dt_s / (run_s * (1.0 - share)))
+    ends = -np.expm1(-dt_s / (run_s * (1.0 - share)))
     return np.asarray(missed + ends * (share - missed))
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.elementary import arctan, arctan2, cos, sin
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.threads import in_shares
 from mmpf.scan import FreeSpace
@@ -36,7 +35,7 @@ def visible_fractions(
     fraction = np.empty(len(lon_m))
     x, y = plane.seen_from_sensor(lon_m, lat_m)
     surfaces = table.depth_m, table.caster
-    outlines = *bodies.halves, cos(table.heading_rad), sin(table.heading_rad)
+    outlines = *bodies.halves, np.cos(table.heading_rad), np.sin(table.heading_rad)
 
     def look_up(begin: int, end: int) -> None:
         some = slice(begin, end)
@@ -60,11 +59,11 @@ def shadowed_share(
     """
     x, y = plane.seen_from_sensor(lon_m, lat_m)
     distance = np.hypot(x, y)
-    bearing = arctan2(y, x)
+    bearing = np.arctan2(y, x)
     # The rectangle's silhouette across the line of sight.
     slant = bearing - headings_in_plane(plane, lon_m, bodies)
-    across = 0.5 * (bodies.length_m * np.abs(sin(slant)) + bodies.width_m * np.abs(cos(slant)))
-    half = arctan(across / np.maximum(distance, 1e-6))
+    across = 0.5 * (bodies.length_m * np.abs(np.sin(slant)) + bodies.width_m * np.abs(np.cos(slant)))
+    half = np.arctan(across / np.maximum(distance, 1e-6))
     sectors = len(free_space.range_m)
     rays = plane.turn_rad + bearing + half * RAY_PLACES[:, None]
     sector = np.floor((rays + np.pi) * sectors / (2.0 * np.pi)).astype(np.int64) % sectors

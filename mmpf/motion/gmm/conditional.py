@@ -13,9 +13,7 @@ import numpy as np
 
 from mmpf.motion.gmm.kernel import BLOCK, Conditional, Scaling, draw_outputs
 from mmpf.numerics.arrays import Float32Array, FloatArray
-from mmpf.numerics.elementary import log
 from mmpf.numerics.normals import standard_normals
-from mmpf.numerics.products import factors, inverses
 from mmpf.numerics.threads import in_shares
 
 # Finite, since compiled code may take it for granted that numbers are.
@@ -118,17 +116,14 @@ class ConditionalGmm:
     def conditional_covariances(self) -> FloatArray:
         """Conditional covariances (17), which do not depend on the input, shape (k, q, q)."""
         p = self.inputs
-        return np.asarray(
-            self.covariances[:, p:, p:] - np.einsum("kqp,kpr->kqr", self.slope, self.covariances[:, :p, p:])
-        )
+        return np.asarray(self.covariances[:, p:, p:] - self.slope @ self.covariances[:, :p, p:])
 
     @cached_property
     def slope(self) -> FloatArray:
         """Matrices of the linear conditional means, shape (k, q, p)."""
         p = self.inputs
-        return np.ascontiguousarray(
-            np.einsum("kij,kjq->kqi", inverses(self._input_factor), self.covariances[:, :p, p:])
-        )
+        transposed = np.linalg.solve(self.covariances[:, :p, :p], self.covariances[:, :p, p:])
+        return np.ascontiguousarray(transposed.transpose(0, 2, 1))
 
     @cached_property
     def bias(self) -> FloatArray:
@@ -139,24 +134,20 @@ class ConditionalGmm:
     @cached_property
     def noise_factor(self) -> FloatArray:
         """Cholesky factors of the conditional covariances, shape (k, q, q)."""
-        return factors(self.conditional_covariances)
+        return np.asarray(np.linalg.cholesky(self.conditional_covariances), dtype=np.float64)
 
     @cached_property
     def logit_matrix(self) -> FloatArray:
         """Coefficients of each component's log-weight over the expanded input, shape (k, 1 + p + p (p + 1) / 2)."""
         p = self.inputs
-        precision = inverses(self._input_factor)
+        precision = np.linalg.inv(self.covariances[:, :p, :p])
         centre = self.means[:, :p]
         pull = np.einsum("kij,kj->ki", precision, centre)
-        log_determinant = -2.0 * log(np.diagonal(self._input_factor, axis1=1, axis2=2)).sum(axis=1)
-        constant = log(self.weights) + 0.5 * (log_determinant - np.einsum("ki,ki->k", pull, centre))
+        log_determinant = np.linalg.slogdet(precision)[1]
+        constant = np.log(self.weights) + 0.5 * (log_determinant - np.einsum("ki,ki->k", pull, centre))
         rows, columns = np.triu_indices(p)
         quadratic = np.where(rows == columns, -0.5, -1.0) * precision[:, rows, columns]
         return np.concatenate([constant[:, None], pull, quadratic], axis=1)
-
-    @cached_property
-    def _input_factor(self) -> FloatArray:
-        return factors(self.covariances[:, : self.inputs, : self.inputs])
 
     @cached_property
     def _conditional(self) -> Conditional:

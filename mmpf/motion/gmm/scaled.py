@@ -9,7 +9,6 @@ import numpy as np
 from mmpf.motion.gmm.conditional import ConditionalGmm
 from mmpf.motion.gmm.kernel import Scaling
 from mmpf.numerics.arrays import Float32Array, FloatArray
-from mmpf.numerics.elementary import log
 
 
 @dataclass(frozen=True)
@@ -44,4 +43,4 @@ class ScaledGmm:
     def log_density(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the log-density of outputs (n, q), in their own units, given inputs (n, p): shape (n,)."""
         mean, scale = self.scaling.output_mean, self.scaling.output_scale
-        return self.mixture.log_density(self.standardise(x), (y - mean) / scale) - float(log(scale).sum())
+        return self.mixture.log_density(self.standardise(x), (y - mean) / scale) - float(np.log(scale).sum())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
-from mmpf.numerics.elementary import log
 from mmpf.numerics.kernels import kernel
 
 SITUATION_SIZE = 5
@@ -51,13 +50,13 @@ def write_situations(
     """
     _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
     # Of the whole row: compiled one by one, logarithms take several times as long.
-    log(seen[0], out=seen[0])
+    np.log(seen[0], out=seen[0])
 
 
 def log_headway(gap_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """Return the logarithm of the time headway beyond the standstill gap, in the arguments' shape."""
     beyond_standstill = np.maximum(gap_m - STANDSTILL_GAP_M, SMALLEST_GAP_M)
-    return np.asarray(log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
+    return np.asarray(np.log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
 
 
 @kernel()

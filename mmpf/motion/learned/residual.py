@@ -20,7 +20,6 @@ from mmpf.motion.learned.follower import FURTHEST_LEADER_M, follows, seen_by, si
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import SPEED
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
-from mmpf.numerics.elementary import exp, log
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.normals import standard_normals
 from mmpf.numerics.products import product
@@ -83,7 +82,7 @@ class ResidualFollower:
 
     def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
         """Take the present headway, the usual one without a leader, and draw the noise; see ``Follower``."""
-        headway = log_headway(exp(situations(state, leader, index)[:, 0]), state[SPEED, index])
+        headway = log_headway(np.exp(situations(state, leader, index)[:, 0]), state[SPEED, index])
         headway = np.where(follows(leader)[index], headway, self.network.mean[-1])
         return np.vstack([headway, standard_normals(rng, (len(TIME_SCALES_S), len(index)))])
 
@@ -99,14 +98,14 @@ class ResidualFollower:
         """Return what the network makes of the situation and let the noise go on; see ``Follower``."""
         seen = seen_by(index, state, leader, INPUTS)
         alone = ~follows(leader)[index]
-        seen[0, alone], seen[3, alone], seen[4, alone] = log(FURTHEST_LEADER_M), 0.0, 0.0
+        seen[0, alone], seen[3, alone], seen[4, alone] = np.log(FURTHEST_LEADER_M), 0.0, 0.0
         np.clip(seen[SITUATION_SIZE - 1], *STRONGEST_LEADER_MPS2, out=seen[SITUATION_SIZE - 1])
         seen[SITUATION_SIZE:] = drivers[:, index]
         accel = np.empty(len(index))
         lag = 1.0 - (1.0 - float(self.network.lag[0])) ** (dt_s / FITTED_STEP_S)
         in_shares(lambda begin, end: _forward(begin, end, seen, self.network, lag, accel), len(index), 20.0, _BLOCK)
         for row, scale_s in enumerate(TIME_SCALES_S, start=1):
-            kept = exp(-dt_s / scale_s)
+            kept = np.exp(-dt_s / scale_s)
             if kept < 1.0:
                 drivers[row] = kept * drivers[row] + np.sqrt(1.0 - kept**2) * standard_normals(rng, drivers[row].shape)
         return accel
