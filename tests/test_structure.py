@@ -24,7 +24,7 @@ class Limits(NamedTuple):
 
 
 LIMITS = {"harness": Limits(20, 10, 107), "mmpf": Limits(16, 8, 63), "harness.scoring": Limits(6, 6, 14)}
-MOST_LINES = {("harness", "mmpf"): 62_100, ("tests",): 38_600}
+MOST_LINES = {("harness", "mmpf"): 66_400, ("tests",): 40_500}
 MOST_LATE_IMPORTS = 47
 MOST_SHARED_NAMES = 0
 SHARED_NAMES = {"__init__.py", "protocol.py", "options.py"}

@@ -210,7 +210,7 @@ def test_a_crossing_is_driven_and_replayed_with_the_same_bytes(tmp_path):
 
 def test_mmpf_follows_all_vehicles_across_the_crossing(tmp_path):
     path = write_crossing(tmp_path / "t.xml", drivers=(STRAIGHT_ON, ONCOMING, LEFT_TURNER))
-    options = {"replay": str(path), "tracker": "mmpf", "ego": str(STRAIGHT_ON.name), "sensor": "ideal"}
+    options = {"replay": str(path), "tracker": "mmpf", "model": "gmm", "ego": str(STRAIGHT_ON.name), "sensor": "ideal"}
     metrics = run(resolve_run_config(options=options), out=tmp_path / "run").metrics
     assert metrics["mot"]["id_switches"] == 0
     assert metrics["mae"]["visible"]["speed_mps"] < 0.5
