@@ -121,7 +121,7 @@ def test_a_file_is_never_taken_for_another_packages_format_that_nobody_names(exa
     ("returned", "told"),
     [
         ("None", "NoneType, not ReadTraffic"),
-        ("replace(good, road=None)", "road is NoneType, not Road"),
+        ("replace(good, road=None)", "road is NoneType, not CorridorRoad"),
         ("replace(good, names=good.names[[0, 0, 1]])", "names has one name twice"),
         ("replace(good, names=['a', 'b', 'c'])", "names is not an array of strings"),
         ("with_rows(lon_m=good.rows.lon_m[:5])", "rows.lon_m has shape (5,), rows.vehicle (93,)"),

@@ -17,7 +17,8 @@ from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
 from harness.common.named import named
 from harness.truth.recorded.rows import ReadTraffic, Rows
-from mmpf.map.road import Road
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.registry import Entry, Registry
 
 Reader = Callable[..., object]
@@ -88,9 +89,10 @@ def _faults(traffic: object) -> Iterator[str]:
     if not isinstance(traffic, ReadTraffic):
         yield f"{type(traffic).__name__}, not ReadTraffic"
         return
-    for name, kind in (("road", Road), ("rows", Rows)):
-        if not isinstance(getattr(traffic, name), kind):
-            yield f"{name} is {type(getattr(traffic, name)).__name__}, not {kind.__name__}"
+    for name, kinds in (("road", (CorridorRoad, LaneGraphRoad)), ("rows", (Rows,))):
+        if not isinstance(getattr(traffic, name), kinds):
+            words = " or ".join(kind.__name__ for kind in kinds)
+            yield f"{name} is {type(getattr(traffic, name)).__name__}, not {words}"
     yield from _faults_of_names(traffic.names)
     wanted = np.shape(traffic.rows.vehicle)
     for column in fields(Rows):

@@ -71,7 +71,7 @@ def test_the_same_command_leaves_the_same_bytes_and_so_does_one_that_was_killed_
 
 @pytest.mark.slow
 def test_a_driver_who_never_brakes_collides_and_the_page_leads_to_the_replays(tmp_path):
-    folder = made(tmp_path / "out", density=30.0, beliefs="truth", driver=f"{__name__}:Reckless")
+    folder = made(tmp_path / "out", density=30.0, perception="truth", driver=f"{__name__}:Reckless")
     rows = read_table(folder, "runs.parquet", "folder", ())
     assert rows[COLLIDED].sum() > 0.0
     pages = set(re.findall(r"\((kept/[^#)]*)#", (folder / "table.md").read_text()))
@@ -155,7 +155,7 @@ def test_drives_over_a_crossing_are_the_same_bytes_again_and_by_the_truth_the_eg
 @pytest.mark.slow
 @pytest.mark.parametrize("flow_mps", [10.0, 15.0, 20.0, 25.0, 30.0])
 def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traffic(tmp_path, flow_mps):
-    folder = made(tmp_path / "out", density=None, provoke="stopped", flow=flow_mps, beliefs="truth", episodes=4)
+    folder = made(tmp_path / "out", density=None, provoke="stopped", flow=flow_mps, perception="truth", episodes=4)
     rows = read_table(folder, "runs.parquet", "folder", ())
     stopped = rows[rows["episode.kind"] == STOPPED]
     assert stopped[COLLIDED].tolist() == [0.0, 0.0]
