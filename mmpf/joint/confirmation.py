@@ -13,6 +13,9 @@ from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray, turned
 from mmpf.options.joint import JointExistence, JointOptions, JointPath
 
+LOG_MOVED = float(np.log(0.01))
+"""A source has moved if its speed at some time was so unlikely for one that stands."""
+
 
 def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
     """Return which components may be reported from now on, shape (m,).
@@ -40,7 +43,7 @@ def moved_along(components: Sources, options: JointOptions) -> BoolArray:
     Few false objects move, and they end soon: a vehicle that came into view unnoticed must not wait until the odds of
     its kind have grown. It is reported with its probability.
     """
-    moved = components.stood_log < np.log(options.kinds.moved_below)
+    moved = components.stood_log < LOG_MOVED
     return np.asarray(moved & is_longer(components.detected_s, options.kinds.moved_s))
 
 

@@ -96,8 +96,6 @@ class JointKinds(Settings):
     """Smallest prior probability of either kind, at any place of appearance."""
     moved_s: NotNegative = 1.0
     """Detected time after which an object that has moved is reported with any probability of a vehicle."""
-    moved_below: Annotated[float, Field(gt=0.0, lt=1.0), in_unit("likelihood ratio")] = 0.01
-    """An object has moved if its speed at some time was so unlikely for one that stands."""
     largest_log_odds: Positive = 6.0
     """Bound on the log odds between vehicle and false object."""
     overlap_share: NotNegative = 0.6

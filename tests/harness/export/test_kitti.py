@@ -53,7 +53,7 @@ def test_a_track_is_written_for_two_steps_without_a_detection_and_keeps_its_numb
 
 
 def test_a_run_over_anything_else_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no run over a kitti-tracking recording"):
+    with pytest.raises(InputError, match="not made from a kitti-tracking recording"):
         export_run(write_recorded_scene(tmp_path / "run"), "kitti")
 
 

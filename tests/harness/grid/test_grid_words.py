@@ -184,5 +184,5 @@ def test_seeds_that_do_not_follow_each_other_are_refused(seeds):
 
 def test_a_tracker_of_a_script_is_refused_too(monkeypatch):
     monkeypatch.setattr(echo_tracker, "__module__", "__main__")
-    with pytest.raises(InputError, match=r"can't find 'echo_tracker'; put it"):
+    with pytest.raises(InputError, match=r"can't import 'echo_tracker'; put it"):
         asked(trackers=[echo_tracker])

@@ -54,7 +54,7 @@ def test_an_archive_beyond_the_limits_is_refused_at_once(entries, tmp_path):
 
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(ModelFileError, match="ordinary"):
+    with pytest.raises(ModelFileError, match="regular file"):
         load_arrays(tmp_path / "pipe", "test")
 
 
