@@ -125,7 +125,7 @@ HIDDEN_NOTE = (
 )
 FOLLOWED_NOTE = (
     "Errors while followed, each with the share of vehicle-steps that it is over; then on the vehicle-steps that both "
-    f"both the tracker and constant-velocity prediction ({COASTING_TRACKER}, with the true association) follow:"
+    f"the tracker and constant-velocity prediction ({COASTING_TRACKER}, with the true association) follow:"
 )
 REST_NOTE = "Identities, sets and time:"
 TRUST_NOTE = "Stated and observed uncertainty:"
