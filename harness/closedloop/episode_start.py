@@ -22,8 +22,8 @@ from harness.config.sensor import SensorSettings
 from harness.decisions.belief import NOBODY, Belief, believe
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import BROKEN_DOWN, drawn_car
+from harness.truth.sumo.corridor_traffic import CAR_LENGTH_M
 from harness.truth.sumo.fill import Placement
-from harness.truth.sumo.simulation import CAR_LENGTH_M
 from mmpf.map.control import YIELD
 from mmpf.numerics.arrays import BoolArray, IntArray
 

@@ -37,7 +37,6 @@ from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_rows import Row
 from harness.truth.network.network import is_in_the_box, load_network
-from harness.truth.sumo.planetruth import PlaneTruth
 from harness.truth.sumo.simulation import SumoTruth, open_traffic
 
 T = TypeVar("T")
@@ -112,8 +111,8 @@ def opened(cell: Cell, on_step: Callable[[], None] = lambda: None) -> Iterator[T
         on_step=on_step,
     )
     try:
-        assert isinstance(truth, SumoTruth | PlaneTruth)
-        yield Traffic(truth.running, network, truth.step_s, isinstance(truth, PlaneTruth) and truth.has_persons)
+        assert isinstance(truth, SumoTruth)
+        yield Traffic(truth, network)
     finally:
         truth.close()
 

@@ -31,7 +31,7 @@ from harness.truth.network.network import load_network
 from harness.truth.recorded.detected.source import open_drives
 from harness.truth.recorded.formats import brings_detections, check_map, files_of, least_score_of, read_drives
 from harness.truth.recorded.source import open_recorded_traffic
-from harness.truth.sumo.planetruth import BEYOND_RANGE_M, REACH_M
+from harness.truth.sumo.plane_traffic import BEYOND_RANGE_M, REACH_M
 from harness.truth.sumo.simulation import open_traffic
 from harness.truth.sumo.window import check_window
 from mmpf.map.corridor_road import highway

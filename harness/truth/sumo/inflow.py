@@ -31,7 +31,7 @@ class Inflow:
         self._target = density_veh_per_km_lane * lanes_m / 1000.0
         self._steps = 0
 
-    def before_step(self) -> None:
+    def before_step(self, _time_s: float) -> None:
         """Look at the traffic once a second and let in as many as are missing."""
         if self._steps % LOOK_EVERY_STEPS == 0:
             present = self._sumo.vehicle.getIDCount()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,6 +13,8 @@ from typing import Any, Protocol
 from harness.common.errors import InputError, RunError, SumoError
 from harness.truth.sumo.window import FIRST_ERROR, SumoWindow, open_window
 
+FIRST_VEHICLE_WITHIN_S = 900.0
+"""How long a truth from SUMO waits for its first vehicle."""
 QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disable", "true", "--verbose", "false")
 
 
@@ -111,6 +113,41 @@ def stop_sumo(sumo: Sumo) -> None:
     with suppress(sumo.TraCIException, sumo.FatalTraCIError), _silent_native_streams():
         if sumo.isLoaded():
             sumo.close()
+
+
+class RunningSumo:
+    """A SUMO simulation that has started: it goes on step by step, and is ended once.
+
+    Attributes:
+        sumo: Its interface.
+        before_step: Called before each of its steps, with its time in seconds.
+    """
+
+    def __init__(self, sumo: Sumo, on_close: Callable[[], None], on_step: Callable[[], None] | None = None) -> None:
+        """Take over a simulation; call ``on_step`` after each step, and ``on_close`` once, when it has ended."""
+        self.sumo = sumo
+        self.before_step: Callable[[float], None] = lambda _: None
+        self._on_close, self._on_step = on_close, on_step
+        self._open = True
+
+    def advance(self) -> None:
+        """Go one step on.
+
+        Raises:
+            SumoError: SUMO can't.
+        """
+        with sumo_errors_in_words(self.sumo):
+            self.before_step(self.sumo.simulation.getTime())
+            self.sumo.simulationStep()
+        if self._on_step is not None:
+            self._on_step()
+
+    def close(self) -> None:
+        """End it; harmless to call twice."""
+        if self._open:
+            self._open = False
+            stop_sumo(self.sumo)
+            self._on_close()
 
 
 def _one_line(error: Exception) -> str:

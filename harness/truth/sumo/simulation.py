@@ -3,36 +3,33 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from harness.common.errors import InputError, RunError, SumoError
+from harness.common.errors import InputError, SumoError
 from harness.truth.frame import STEP_S, Frame, TruthSource
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
 from harness.truth.network.network import LATERAL_RESOLUTION_M, Network
 from harness.truth.network.sumocfg import SumoInputs
 from harness.truth.sumo.apart import TrafficApart
-from harness.truth.sumo.brokendown import BROKEN_DOWN, place_broken_down
+from harness.truth.sumo.brokendown import place_broken_down
 from harness.truth.sumo.control import TrafficControl
+from harness.truth.sumo.corridor_traffic import CorridorTraffic
 from harness.truth.sumo.inflow import Inflow
-from harness.truth.sumo.planetruth import REACH_M, PlaneTruth
-from harness.truth.sumo.reading import read_frame, read_load
-from harness.truth.sumo.running import FIRST_VEHICLE_WITHIN_S, RunningSumo
-from harness.truth.sumo.session import show_ego, start_sumo, sumo_errors_in_words
-from harness.truth.sumo.smoothing import lead_frames, smoothed
-from mmpf.map.road import NO_LANE, Road
-from mmpf.numerics.arrays import FloatArray, IntArray
+from harness.truth.sumo.plane_traffic import REACH_M, PlaneTraffic
+from harness.truth.sumo.session import RunningSumo, show_ego, start_sumo, sumo_errors_in_words
+from harness.truth.sumo.smoothing import CausalFilter
+from mmpf.map.road import Road
 
 WARM_UP_S = 20.0
 LANE_CHANGE_S = "3"
 NO_EGO = ""
-START_WINDOW_M = 60.0
-CAR_LENGTH_M = (3.0, 6.5)
 
 
 def open_traffic(
@@ -103,13 +100,14 @@ def open_traffic(
         raise
     # SUMO reads vehicles while it runs, so links to its files stay for as long.
     running, steps = RunningSumo(sumo, scratch.cleanup, on_step), round(duration_s / STEP_S)
-    truth: SumoTruth | PlaneTruth
+    traffic: RoadTraffic
     if network.plane is not None:
         inflow = None if held is None else Inflow(sumo, held.density_veh_per_km_lane, network.plane.lanes_m)
-        truth = PlaneTruth(running, network, network.plane, steps, ego=ego, reach_m=reach_m, inflow=inflow)
+        traffic = PlaneTraffic(running, network, network.plane, reach_m, inflow)
     else:
         control = None if held is None else TrafficControl(sumo, network, held, rng, STEP_S, warm_up_s, stands)
-        truth = SumoTruth(running, network, steps, control, ego)
+        traffic = CorridorTraffic(running, network, control)
+    truth = SumoTruth(running, network.road, traffic, steps, ego)
     try:
         with sumo_errors_in_words(sumo):
             for edge, limit_mps in limits.items():
@@ -181,8 +179,56 @@ def _file_list(option: str, files: Sequence[Path], scratch: Path) -> tuple[str, 
     return (option, ",".join(map(str, links))) if links else ()
 
 
+class RoadTraffic(Protocol):
+    """What depends on the kind of road.
+
+    Attributes:
+        lead: How many readings before and after a smoothed frame it is made of.
+        waits_s: For how long time stands still where there is no ego.
+        jumpy: Columns of ``Frame`` that SUMO changes from one step to the next.
+    """
+
+    lead: int
+    waits_s: float
+    jumpy: tuple[str, ...]
+
+    def fill(self) -> None:
+        """Put traffic on the road before the warm-up."""
+        ...
+
+    def wait(self) -> None:
+        """Go on until there can be an ego.
+
+        Raises:
+            InputError: No vehicle ever appears, and the user's files are to blame.
+            RunError: None appears.
+        """
+        ...
+
+    def read(self) -> object:
+        """Return the vehicles as they are now."""
+        ...
+
+    def present(self, step: int, time_s: float) -> Frame:
+        """Return the vehicles as they are now, as a frame of a time, with neither an ego nor a past."""
+        ...
+
+    def frame(self, window: Sequence[Any], step: int, ego: str | None) -> Frame | None:
+        """Return the frame in the middle of readings, smoothed.
+
+        Args:
+            window: The readings, ``2 lead + 1``.
+            step: Number of the frame.
+            ego: The ego so far, empty for none: the frame's is it, or if it has left another one. None asks for none.
+
+        Returns:
+            The frame; None where no vehicle can be the ego.
+        """
+        ...
+
+
 class SumoTruth:
-    """Frames of a running SUMO simulation along a main road.
+    """Frames of a running SUMO simulation.
 
     Attributes:
         road: The road frame.
@@ -191,100 +237,49 @@ class SumoTruth:
         running: The simulation, for those who drive in it themselves.
     """
 
-    def __init__(
-        self, running: RunningSumo, network: Network, steps: int, control: TrafficControl | None, ego: bool
-    ) -> None:
+    def __init__(self, running: RunningSumo, road: Road, traffic: RoadTraffic, steps: int, ego: bool) -> None:
         """Take over a simulation that has started."""
-        self.road: Road = network.corridor_road
-        self.step_s = STEP_S
-        self.expected_steps = steps
-        self.running, self._sumo = running, running.sumo
-        if control is not None:
-            running.before_step = control.before_step
-        self._network = network
-        self._control = control
-        self._wants_ego = ego
+        self.road, self.step_s, self.expected_steps, self.running = road, STEP_S, steps, running
+        self._traffic, self._wants_ego = traffic, ego
+        self._filter = CausalFilter(STEP_S, traffic.jumpy)
 
     def warm_up(self, duration_s: float) -> None:
-        """Fill the road and let the traffic run without yielding frames, and on until a vehicle is in the section."""
-        if self._control is not None:
-            self._control.fill()
+        """Let the traffic run without yielding frames, and on until there can be an ego."""
+        self._traffic.fill()
         for _ in range(round(duration_s / self.step_s)):
             self.running.advance()
-        for _ in range(round(FIRST_VEHICLE_WITHIN_S / self.step_s)):
-            if read_load(self._sumo, self._network.corridor_road).inside:
-                return
-            self.running.advance()
-        raise RunError(f"no vehicle entered the section of {self._network.name} within {FIRST_VEHICLE_WITHIN_S:g} s")
+        self._traffic.wait()
+
+    def present(self, step: int) -> Frame:
+        """Return everybody at this moment, for a loop that acts on it and calls this once a step; there is no ego."""
+        with sumo_errors_in_words(self.running.sumo):
+            return self._filter.filtered(self._traffic.present(step, round(step * self.step_s, 6)))
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the frames in order; they end early if the user's own demand runs dry."""
-        ego = EgoChoice(vehicle_id=NO_EGO, episode=-1)
-        for frame in smoothed(self._raw_frames(), self._network.corridor_road, self.step_s):
-            if self._wants_ego:
-                previous, ego = ego, choose_ego(frame, ego, self._network.ego_lanes, self.road.section_m)
-                if ego.vehicle_id == NO_EGO:
-                    return
-                if ego != previous:
-                    show_ego(self._sumo, ego.vehicle_id)
-                yield ego.apply(frame)
-            else:
-                yield frame
+        """Yield the frames in order, half a second late and smoothed.
+
+        Where nobody can be the ego, they end, or on a network in the plane time stands still for as long as it waits.
+        """
+        sumo, lead = self.running.sumo, self._traffic.lead
+        window: deque[object] = deque(maxlen=2 * lead + 1)
+        ego, episode, step, idle_s = NO_EGO, -1, 0, 0.0
+        while step < self.expected_steps and idle_s <= self._traffic.waits_s:
+            if window:
+                self.running.advance()
+            with sumo_errors_in_words(sumo):
+                window.append(self._traffic.read())
+            if len(window) < 2 * lead + 1:
+                continue
+            frame = self._traffic.frame(window, step, ego if self._wants_ego else None)
+            if frame is None:
+                ego, idle_s = NO_EGO, idle_s + self.step_s
+                continue
+            if self._wants_ego and (name := str(frame.vehicle_id[frame.ego])) != ego:
+                ego, episode = name, episode + 1
+                show_ego(sumo, ego)
+            yield replace(frame, episode=max(episode, 0))
+            step, idle_s = step + 1, 0.0
 
     def close(self) -> None:
         """End the simulation; harmless to call twice."""
         self.running.close()
-
-    def _raw_frames(self) -> Iterator[Frame]:
-        for step in range(self.expected_steps + 2 * lead_frames(self.step_s)):
-            if step:
-                self.running.advance()
-            with sumo_errors_in_words(self._sumo):
-                frame = read_frame(self._sumo, self._network.corridor_road, step, step * self.step_s)
-            yield frame
-
-
-@dataclass(frozen=True)
-class EgoChoice:
-    """Which vehicle is the ego.
-
-    Attributes:
-        vehicle_id: Its name; empty if there is none.
-        episode: Number of its stay, from 0.
-    """
-
-    vehicle_id: str
-    episode: int
-
-    def apply(self, frame: Frame) -> Frame:
-        """Return the frame with this ego and episode."""
-        index = int(np.flatnonzero(frame.vehicle_id == self.vehicle_id)[0])
-        return replace(frame, ego=index, episode=self.episode)
-
-
-def choose_ego(frame: Frame, present: EgoChoice, ego_lanes: Sequence[int], section_m: tuple[float, float]) -> EgoChoice:
-    """Keep the present ego while it is on the section's lanes, else choose another and begin a new episode.
-
-    A car on one of ``ego_lanes`` within 60 m of the section's start comes first; failing that the best there is, but
-    none that has broken down. Empty ``vehicle_id`` if no vehicle is on the section.
-    """
-    inside = (frame.lon_m >= section_m[0]) & (frame.lon_m < section_m[1]) & (frame.lane != NO_LANE)
-    if np.any(inside & (frame.vehicle_id == present.vehicle_id)):
-        return present
-    candidates = np.flatnonzero(inside & ~np.char.startswith(frame.vehicle_id, BROKEN_DOWN))
-    if len(candidates) == 0:
-        return EgoChoice(vehicle_id=NO_EGO, episode=present.episode + 1)
-    best = candidates[np.lexsort(_worse_first_keys(frame, candidates, ego_lanes, section_m[0]))[0]]
-    return EgoChoice(vehicle_id=str(frame.vehicle_id[best]), episode=present.episode + 1)
-
-
-def _worse_first_keys(
-    frame: Frame, candidates: IntArray, ego_lanes: Sequence[int], start_m: float
-) -> tuple[FloatArray | npt.NDArray[np.bool_], ...]:
-    """Return sort keys, the last the most important, as ``numpy.lexsort`` takes them."""
-    lon = frame.lon_m[candidates] - start_m
-    length = frame.length_m[candidates]
-    no_car = (length < CAR_LENGTH_M[0]) | (length > CAR_LENGTH_M[1])
-    beyond_window_m = np.maximum(0.0, lon - START_WINDOW_M)
-    wrong_lane = ~np.isin(frame.lane[candidates], np.asarray(ego_lanes))
-    return lon, beyond_window_m, no_car, wrong_lane

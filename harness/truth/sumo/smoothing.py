@@ -1,47 +1,28 @@
 """Smooths SUMO's motion: its drivers brake and stop drifting from one step to the next, real ones take time.
 
-Every quantity is averaged with the same weights over half a second to either side. The average is linear, so positions
-remain the integral of the speeds, speeds that of the accelerations, and a gap in one lane that was positive stays so.
+``hann_weights`` average over half a second to either side, ``CausalFilter`` knows the past alone.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from harness.truth.frame import Frame
-from mmpf.map.corridor_road import CorridorRoad
 from mmpf.numerics.arrays import FloatArray
 
 HALF_WIDTH_S = 0.5
+TIME_CONSTANT_S = 0.3
 DECIMALS = 4
-SMOOTHED = ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2")
+EXACT = ("lon_m", "lat_m", "speed_mps", "length_m", "width_m")
 
 
 def lead_frames(step_s: float) -> int:
     """Return how many frames before the first and after the last smoothed one are needed."""
     return round(HALF_WIDTH_S / step_s)
-
-
-def smoothed(frames: Iterable[Frame], road: CorridorRoad, step_s: float) -> Iterator[Frame]:
-    """Yield smoothed frames, numbered from 0, values rounded to 1e-4.
-
-    A vehicle that is not in all frames averaged is left out.
-    """
-    reach = lead_frames(step_s)
-    weights = hann_weights(reach)
-    window: deque[Frame] = deque(maxlen=2 * reach + 1)
-    rows: deque[dict[str, int]] = deque(maxlen=2 * reach + 1)
-    step = 0
-    for frame in frames:
-        window.append(frame)
-        rows.append({str(name): row for row, name in enumerate(frame.vehicle_id)})
-        if len(window) == 2 * reach + 1:
-            yield _average(window, rows, weights, road, step, step_s)
-            step += 1
 
 
 def hann_weights(reach: int) -> FloatArray:
@@ -50,26 +31,32 @@ def hann_weights(reach: int) -> FloatArray:
     return np.asarray(window / window.sum())
 
 
-def _average(
-    window: deque[Frame], rows: deque[dict[str, int]], weights: FloatArray, road: CorridorRoad, step: int, step_s: float
-) -> Frame:
-    middle = window[len(window) // 2]
-    names = [str(name) for name in middle.vehicle_id]
-    kept = [name for name in names if all(name in present for present in rows)]
-    at_middle = [rows[len(rows) // 2][name] for name in kept]
-    totals = np.zeros((len(SMOOTHED), len(kept)))
-    for frame, present, weight in zip(window, rows, weights, strict=True):
-        chosen = [present[name] for name in kept]
-        totals += weight * np.stack([getattr(frame, column)[chosen] for column in SMOOTHED])
+def rounded(values: FloatArray) -> FloatArray:
+    """Return values rounded to 1e-4."""
     # Adding zero turns -0.0 into 0.0.
-    values = dict(zip(SMOOTHED, np.round(totals, DECIMALS) + 0.0, strict=True))
-    return replace(
-        middle,
-        step=step,
-        time_s=round(step * step_s, 6),
-        vehicle_id=middle.vehicle_id[at_middle],
-        lane=road.lane_number_at(values["lon_m"], values["lat_m"]),
-        length_m=np.round(middle.length_m[at_middle], DECIMALS),
-        width_m=np.round(middle.width_m[at_middle], DECIMALS),
-        **values,
-    )
+    return np.asarray(np.round(values, DECIMALS) + 0.0)
+
+
+class CausalFilter:
+    """A filter of first order over what SUMO changes from one step to the next, vehicle by vehicle.
+
+    It is for a loop that acts on frames: ``hann_weights`` would give them half a second late.
+    """
+
+    def __init__(self, step_s: float, columns: Sequence[str]) -> None:
+        """Begin without a past, for frames of a step, of which these columns are filtered."""
+        self._keep = float(np.exp(-step_s / TIME_CONSTANT_S))
+        self._columns = tuple(columns)
+        self._before: dict[str, int] = {}
+        self._values = np.zeros((len(self._columns), 0))
+
+    def filtered(self, frame: Frame) -> Frame:
+        """Return the next frame, values rounded to 1e-4; a vehicle's first one is taken as it is."""
+        names = frame.vehicle_id.tolist()
+        now = np.stack([getattr(frame, column) for column in self._columns])
+        row = np.array([self._before.get(name, -1) for name in names], dtype=np.int64)
+        known = row >= 0
+        now[:, known] += self._keep * (self._values[:, row[known]] - now[:, known])
+        self._before, self._values = {name: place for place, name in enumerate(names)}, now
+        values: dict[str, Any] = {column: rounded(getattr(frame, column)) for column in EXACT}
+        return replace(frame, **values | dict(zip(self._columns, rounded(now), strict=True)))

@@ -11,8 +11,9 @@ from harness.config.layers import config_from_table
 from harness.running.resolve import resolve_run_config
 from harness.truth.network.network import load_network
 from harness.truth.sumo.brokendown import clear_of, place_broken_down
+from harness.truth.sumo.corridor_traffic import choose_ego
 from harness.truth.sumo.fill import Placement
-from harness.truth.sumo.simulation import NO_EGO, EgoChoice, choose_ego, open_traffic
+from harness.truth.sumo.simulation import NO_EGO, open_traffic
 from tests.harness.closedloop.frames import frame_of
 
 US101 = load_network("us101")
@@ -132,5 +133,4 @@ def test_recorded_traffic_has_none_and_says_so():
 
 def test_the_ego_is_another_car_even_where_it_is_the_only_one_near_the_start():
     frame = frame_of([20.0, 300.0], [1.8, 1.8], names=["broken0", "car1"])
-    chosen = choose_ego(frame, EgoChoice(NO_EGO, -1), (1, 2), SECTION_M)
-    assert chosen == EgoChoice("car1", 0)
+    assert choose_ego(frame, NO_EGO, (1, 2), SECTION_M) == 1

@@ -40,7 +40,7 @@ def test_the_density_is_reached_and_held_whatever_the_flows_of_the_network(densi
     inflow = Inflow(traffic, density, lanes_m)
     counts = []
     for _ in range(6000):
-        inflow.before_step()
+        inflow.before_step(0.0)
         traffic.step()
         counts.append(traffic.getIDCount())
     assert inflow.reached

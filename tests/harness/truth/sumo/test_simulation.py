@@ -233,7 +233,7 @@ def test_a_missing_route_file_is_named(own_network, tmp_path):
 
 
 def test_a_road_without_traffic_fails_in_words(own_network, monkeypatch):
-    monkeypatch.setattr("harness.truth.sumo.planetruth.FIRST_VEHICLE_WITHIN_S", 5.0)
+    monkeypatch.setattr("harness.truth.sumo.plane_traffic.FIRST_VEHICLE_WITHIN_S", 5.0)
     network = replace(load_network(own_network(vehicles=0)), name="empty")
     with pytest.raises((InputError, RunError), match=r"empty|number"):
         open_traffic(network, duration_s=1.0, seed=0, warm_up_s=0.0)

@@ -2,15 +2,19 @@
 
 import itertools
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from harness.common.errors import InputError
+from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.network.network import load_network
-from harness.truth.sumo.planereading import pulled
-from harness.truth.sumo.simulation import open_traffic
+from harness.truth.sumo.plane_reading import pulled
+from harness.truth.sumo.plane_traffic import PlaneTraffic
+from harness.truth.sumo.simulation import SumoTruth, open_traffic
 from harness.truth.sumo.smoothing import hann_weights
+from tests.mmpf.map.scenes import graph_of
 
 NET = Path(__file__).parents[1] / "network" / "nets" / "crossing.net.xml"
 WAYS = [(a, b) for a, b in itertools.product("ewns", repeat=2) if a != b]
@@ -54,16 +58,16 @@ def driven(tmp_path_factory):
     reached = []
 
     def listen(truth, _):
-        reached.append(truth._sumo.simulation.getTime())
+        reached.append(truth.running.sumo.simulation.getTime())
         if len(places) == 0:
             advance = truth.running.advance
 
             def advance_and_note():
                 advance()
-                note(truth._sumo)
+                note(truth.running.sumo)
 
             truth.running.advance = advance_and_note
-        note(truth._sumo)
+        note(truth.running.sumo)
 
     def note(sumo):
         ids = sumo.vehicle.getIDList()
@@ -182,7 +186,7 @@ def test_parked_vehicles_are_left_out_and_those_that_stop_on_the_road_are_not(tm
 
 
 def test_a_network_without_cars_fails_in_words(tmp_path, monkeypatch):
-    monkeypatch.setattr("harness.truth.sumo.planetruth.FIRST_VEHICLE_WITHIN_S", 5.0)
+    monkeypatch.setattr("harness.truth.sumo.plane_traffic.FIRST_VEHICLE_WITHIN_S", 5.0)
     bicycle = '<vType id="bike" vClass="bicycle"/><flow id="b" type="bike" from="path" to="path"'
     bicycles = f'{bicycle} begin="0" end="9" number="9"/>'
     with pytest.raises(InputError, match="no car drove on"):
@@ -219,7 +223,7 @@ def walked(tmp_path_factory):
     places, riders = [], set()
 
     def note(truth, _):
-        person = truth._sumo.person
+        person = truth.running.sumo.person
         places.append({name: person.getPosition(name) for name in person.getIDList()})
         riders.update(name for name in places[-1] if person.getVehicle(name))
 
@@ -249,3 +253,57 @@ def test_persons_on_foot_are_in_the_frame_as_a_type_of_their_own(walked):
         assert there.isdisjoint(riders)
     assert seen > 500
     assert riders
+
+
+class VehicleApi:
+    """One car on a lane, 4 m long, whose front is at x = 20."""
+
+    def __init__(self, angle=90.0):
+        self.x, self.y, self.angle = 20.0, 0.0, angle
+
+    def getIDList(self):  # noqa: N802
+        return ("car",)
+
+    def getPosition(self, name):  # noqa: N802
+        return self.x, self.y
+
+    def __getattr__(self, what):
+        values = {
+            "getLength": 4.0, "getWidth": 1.8, "getVehicleClass": "passenger", "getDeparture": 0.0,
+            "getAngle": self.angle, "getSpeed": 7.0, "getAcceleration": -1.0, "getLaneID": "a_0",
+            "isStoppedParking": False,
+        }  # fmt: skip
+        return lambda name: values[what]
+
+
+def present_truth(vehicle):
+    """Return the truth of one vehicle on its network, whose density would be held."""
+    person = SimpleNamespace(getIDList=tuple)
+    errors = {"TraCIException": RuntimeError, "FatalTraCIError": RuntimeError}
+    sumo = SimpleNamespace(vehicle=vehicle, person=person, simulation=SimpleNamespace(getTime=lambda: 0.0), **errors)
+    running = SimpleNamespace(sumo=sumo)
+    plane = PlaneNetwork(graph_of({"a_0": [(0, 0), (100, 0)], "b_0": [(0, 0), (-100, 1)]}), (0.0, 0.0))
+    held = SimpleNamespace(before_step=None)
+    return SumoTruth(running, None, PlaneTraffic(running, None, plane, 150.0, held), 0, ego=False)
+
+
+def test_at_present_a_car_is_where_its_middle_is_now_on_its_lane_as_fast_as_it_is():
+    vehicle = VehicleApi()
+    truth = present_truth(vehicle)
+    for step in range(3):
+        frame = truth.present(step)
+        assert frame.lon_m[0] == pytest.approx(vehicle.x - 2.0)
+        assert (frame.lane[0], frame.speed_mps[0], frame.direction_rad[0]) == (1, 7.0, 0.0)
+        vehicle.x += 0.7
+    assert frame.pedestrian is None
+
+
+def test_at_present_a_heading_that_goes_round_is_not_averaged():
+    vehicle = VehicleApi(angle=269.0)
+    truth = present_truth(vehicle)
+    headings = []
+    for step in range(20):
+        headings.append(truth.present(step).heading_rad[0])
+        vehicle.x, vehicle.y = vehicle.x - 0.7, vehicle.y + 0.05
+    assert headings[0] < 0.0 < headings[-1]
+    assert min(np.abs(headings)) > np.radians(170.0)
