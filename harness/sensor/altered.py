@@ -14,16 +14,16 @@ import numpy as np
 
 from harness.config.altered import AlteredSettings
 from harness.config.sensor import SensorSettings
-from harness.sensor.detector import DECIMALS, detections_from
+from harness.sensor.detector import detections_from, own_shadows, rounded
 from harness.sensor.memory import Chain, SensorMemory, next_state
 from harness.sensor.observation import Look
 from harness.sensor.pseudo_occlusion import hidden_on_purpose
 from harness.sensor.returns import flashing_returns, standing_returns
 from harness.sensor.scene import Scene, sight_to
-from harness.sensor.shadows import free_space, sensor_position
+from harness.sensor.shadows import sensor_position
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import BoolArray, FloatArray, joined, taken
+from mmpf.numerics.arrays import BoolArray, joined, taken
 from mmpf.scan import BodyHeadings, BodySizes, Detections, Scan
 
 UNKNOWN_DIRECTION_RAD = float(np.pi)
@@ -183,12 +183,8 @@ def misplaced(
         headings = detections.headings
         if headings is not None:
             headings = replace(headings, heading_rad=headings.heading_rad + turn)
-        detections = replace(detections, lon_m=_rounded(lon), lat_m=_rounded(lat), headings=headings)
+        detections = replace(detections, lon_m=rounded(lon), lat_m=rounded(lat), headings=headings)
         yield _with_scan(look, replace(scan, ego=ego, detections=detections))
-
-
-def _rounded(values: FloatArray) -> FloatArray:
-    return np.asarray(np.round(values, DECIMALS))
 
 
 def _kept(look: Look, keep: BoolArray) -> Look:
@@ -215,7 +211,4 @@ def _with_scan(look: Look, scan: Scan) -> Look:
 def _with_shadows(look: Look, sensor: SensorSettings, road: Road) -> Look:
     """Return a look whose sensor knows of the shadows of the detections that are left."""
     scan = look.observation.scan
-    view_rad = float(np.deg2rad(sensor.field_of_view_deg))
-    return _with_scan(
-        look, replace(scan, free_space=free_space(scan.detections, scan.ego, road, sensor.range_m, view_rad))
-    )
+    return _with_scan(look, replace(scan, free_space=own_shadows(sensor, scan.detections, scan.ego, road)))

@@ -14,13 +14,13 @@ from harness.sensor.observation import Observation, Sensor
 from harness.sensor.returns import CLUTTER_SPEED_MPS, flashing_returns, standing_returns, vehicle_returns
 from harness.sensor.scene import Scene, in_reach, sight_to
 from harness.sensor.shadows import free_space, sensor_position
-from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_beside_walls
+from harness.sensor.visibility import NO_OCCLUDER, compile_kernels, visible_fractions
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
 from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road, wall_bodies
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
-from mmpf.scan import BodySizes, Detections, EgoPose, Scan, SensorModel
+from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, Scan, SensorModel
 
 DECIMALS = 4
 MOST_CORRELATED = 0.999
@@ -76,14 +76,8 @@ class RayedSensor:
             np.where(origin >= 0, fraction[origin], np.nan),
         )
         seen = _handed_out(self.settings, self.memory, frame, seen, road)
-        view_rad = np.deg2rad(self.settings.field_of_view_deg)
         return Observation(
-            scan=Scan(
-                time_s=frame.time_s,
-                detections=seen.detections,
-                ego=ego,
-                free_space=free_space(seen.detections, ego, road, self.settings.range_m, view_rad),
-            ),
+            scan=Scan(frame.time_s, seen.detections, ego, own_shadows(self.settings, seen.detections, ego, road)),
             truth_id=seen.truth_id,
             detection_visible_fraction=seen.visible_fraction,
             visible_fraction=fraction,
@@ -166,7 +160,7 @@ def visibility_of(
     heading = frame.heading_rad + road.heading_at(frame.lon_m)
     bodies = np.stack([x, y, heading, frame.length_m, frame.width_m])[:, chosen]
     walls = wall_bodies(road.walls_near(*sensor, range_m))
-    part, part_occluder, part_behind = visible_beside_walls(sensor, bodies, walls)
+    part, part_occluder, part_behind = visible_fractions(sensor, bodies, walls)
     # What a wall hides no vehicle hides.
     part_occluder[part_occluder >= len(chosen)] = NO_OCCLUDER
     fraction, behind_walls = np.zeros(len(frame)), np.zeros(len(frame))
@@ -200,11 +194,21 @@ def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, se
     return _Seen(late.detections, np.where(still, late.truth_id, ""), np.where(still, late.visible_fraction, np.nan))
 
 
+def own_shadows(settings: SensorSettings, detections: Detections, ego: EgoPose, road: Road) -> FreeSpace:
+    """Return what a sensor with these figures knows of its own shadows."""
+    return free_space(detections, ego, road, settings.range_m, float(np.deg2rad(settings.field_of_view_deg)))
+
+
+def rounded(values: FloatArray) -> FloatArray:
+    """Return values as a sensor hands them out."""
+    return np.asarray(np.round(values, DECIMALS))
+
+
 def detections_from(settings: SensorSettings, values: FloatArray, road: Road) -> Detections:
     """Return rows of ``Returns.values``, shape (d, 11), as detections, rounded as a sensor hands them out."""
-    rounded = np.round(values, DECIMALS)
-    rounded[:, 3:10] = np.maximum(rounded[:, 3:10], 10.0**-DECIMALS)
-    lon, lat, speed, std_lon, std_lat, std_speed, *size, correlation = np.ascontiguousarray(rounded.T)
+    rows = rounded(values)
+    rows[:, 3:10] = np.maximum(rows[:, 3:10], 10.0**-DECIMALS)
+    lon, lat, speed, std_lon, std_lat, std_speed, *size, correlation = np.ascontiguousarray(rows.T)
     sizes = BodySizes(*size) if settings.std_length_m and settings.std_width_m else None
     found = Detections(lon, lat, speed, std_lon, std_lat, std_speed, sizes)
     # Along a road boxes lie along the frame's axes; in the plane they are turned every way.

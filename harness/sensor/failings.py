@@ -1,4 +1,4 @@
-"""Who is missed just now, and what becomes of the boxes: shifted, split in two, merged into one."""
+"""Who is missed just now or hard to detect, and what becomes of the boxes: shifted, split in two, merged into one."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.config.sensor import SensorSettings
-from harness.sensor.memory import Chain, VehicleMemory, next_state
-from harness.sensor.noise import hidden_share, turned
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from harness.sensor.memory import Chain, SensorMemory, VehicleMemory, next_state
+from harness.sensor.noise import hidden_share
+from harness.truth.frame import Frame
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, turned
 
 FRONT_SHARE = 0.35
 """Share of a long vehicle's length that its front box takes when it is split: a tractor before its trailer."""
@@ -31,6 +32,31 @@ def detection_probability(
     probability = settings.detection_probability * view * (1.0 - settings.missed_far_share * far**2)
     probability[~reachable | (visible_fraction < settings.hidden_fraction)] = 0.0
     return np.asarray(probability)
+
+
+def detectabilities(settings: SensorSettings, memory: SensorMemory, frame: Frame) -> FloatArray:
+    """Return the factor on each vehicle's detection probability, shape (n,), and remember those of new vehicles.
+
+    A vehicle keeps its factor for the whole run. Factors come from a stream of their own, in the order in which the
+    vehicles are met.
+    """
+    factor = np.ones(len(frame))
+    if settings.detectability_share > 0.0:
+        new = [name for name in frame.vehicle_id.tolist() if name not in memory.detectability]
+        drawn = drawn_factors(settings, len(new), memory.streams.detectability)
+        memory.detectability.update(zip(new, drawn.tolist(), strict=True))
+        factor = np.array([memory.detectability[name] for name in frame.vehicle_id.tolist()])
+    narrow = frame.width_m < settings.detectability_narrow_m
+    return np.where(narrow, settings.detectability_narrow * factor, factor)
+
+
+def drawn_factors(settings: SensorSettings, count: int, rng: np.random.Generator) -> FloatArray:
+    """Draw the factors of vehicles: one of most, of the others ``least + (1 - least) * Beta``, shape (count,)."""
+    least = settings.detectability_least
+    mean, std = (settings.detectability_mean - least) / (1.0 - least), settings.detectability_spread / (1.0 - least)
+    both = mean * (1.0 - mean) / std**2 - 1.0
+    hard = rng.random(count) < settings.detectability_share
+    return np.where(hard, least + (1.0 - least) * rng.beta(mean * both, (1.0 - mean) * both, size=count), 1.0)
 
 
 def miss_chain(settings: SensorSettings, probability: FloatArray, visible_fraction: FloatArray) -> Chain:
@@ -83,10 +109,6 @@ class Boxes:
     axis_rad: FloatArray
     second: BoolArray
 
-    def take(self, index: IntArray) -> Boxes:
-        """Return some of the boxes."""
-        return taken(self, index)
-
 
 def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fraction: FloatArray) -> Boxes:
     """Return the boxes with those that merge gone, each into the nearest one that it nearly touches.
@@ -104,7 +126,7 @@ def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fr
     there = np.ones(len(lon), dtype=np.bool_)
     whole = np.ones(len(lon), dtype=np.bool_)
     for k in np.flatnonzero(merges):
-        along, across = turned(lon, lat, -axis[k])
+        along, across = turned(lon, lat, axis[k])
         reach_along, reach_across = _reaches(length, width, axis - axis[k])
         gap = np.hypot(
             np.maximum(np.abs(along - along[k]) - (reach_along + 0.5 * length[k]), 0.0),
@@ -116,14 +138,14 @@ def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fr
         if not (whole[k] and gap[other] <= settings.merged_gap_m):
             continue
         stays, goes = (k, other) if visible_fraction[k] > visible_fraction[other] else (other, k)
-        middles, reaches = turned(lon, lat, -axis[stays]), _reaches(length, width, axis - axis[stays])
+        middles, reaches = turned(lon, lat, axis[stays]), _reaches(length, width, axis - axis[stays])
         for middle, reach, size in zip(middles, reaches, (length, width), strict=True):
             low = min(middle[j] - reach[j] for j in (stays, goes))
             high = max(middle[j] + reach[j] for j in (stays, goes))
             middle[stays], size[stays] = 0.5 * (low + high), high - low
-        lon[stays], lat[stays] = turned(middles[0][stays], middles[1][stays], axis[stays])
+        lon[stays], lat[stays] = turned(middles[0][stays], middles[1][stays], -axis[stays])
         there[goes] = whole[goes] = whole[stays] = False
-    return replace(boxes, lon_m=lon, lat_m=lat, length_m=length, width_m=width).take(np.flatnonzero(there))
+    return taken(replace(boxes, lon_m=lon, lat_m=lat, length_m=length, width_m=width), there)
 
 
 def _reaches(length: FloatArray, width: FloatArray, turn_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -185,5 +207,5 @@ def shifted(
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     along = np.clip(-side * sine - cosine, -1.0, 1.0) * recedes * boxes.length_m
     across = side * cosine * recedes * boxes.width_m
-    off_lon, off_lat = turned(along, across, boxes.axis_rad)
+    off_lon, off_lat = turned(along, across, -boxes.axis_rad)
     return replace(boxes, lon_m=boxes.lon_m + off_lon, lat_m=boxes.lat_m + off_lat)

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.config.sensor import SensorSettings
-from harness.sensor.detector import DECIMALS, data_sheet, visibility_of
+from harness.sensor.detector import data_sheet, own_shadows, rounded, visibility_of
 from harness.sensor.noise import position_std
 from harness.sensor.observation import Observation
 from harness.sensor.scene import in_reach, sight_to
-from harness.sensor.shadows import free_space
 from harness.sensor.visibility import compile_kernels
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
@@ -24,7 +23,6 @@ from harness.truth.recorded.detected.origin import NOTHING
 from harness.truth.recorded.detected.recorded_drive import GivenBoxes
 from harness.truth.recorded.detected.source import DriveTruth
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import BodyHeadings, BodySizes, Detections, EgoPose, Scan, SensorModel
 
 SMALLEST_BOX_M = 0.3
@@ -67,15 +65,9 @@ class GivenDetections:
         detections = self._detections(given, road, ego)
         if moment.drawn:
             detections = _with_errors(detections, rng)
-        view_rad = float(np.deg2rad(self.settings.field_of_view_deg))
         known = origin != NOTHING
         return Observation(
-            scan=Scan(
-                time_s=frame.time_s,
-                detections=detections,
-                ego=ego,
-                free_space=free_space(detections, ego, road, self.settings.range_m, view_rad),
-            ),
+            scan=Scan(frame.time_s, detections, ego, own_shadows(self.settings, detections, ego, road)),
             truth_id=np.where(known, frame.vehicle_id[origin], ""),
             detection_visible_fraction=np.where(known, fraction[origin], np.nan),
             visible_fraction=fraction,
@@ -93,13 +85,13 @@ class GivenDetections:
         unknown = np.full(count, np.nan)
         sizes = None
         if settings.std_length_m is not None and settings.std_width_m is not None:
-            length, width = (np.maximum(_rounded(column), SMALLEST_BOX_M) for column in (given.length_m, given.width_m))
+            length, width = (np.maximum(rounded(column), SMALLEST_BOX_M) for column in (given.length_m, given.width_m))
             deviations = np.full(count, settings.std_length_m), np.full(count, settings.std_width_m)
             sizes = BodySizes(length, width, *deviations)
-        place = _rounded(given.x_m), _rounded(given.y_m)
-        std_lon, std_lat = _rounded(std.lon_m), _rounded(std.lat_m)
+        place = rounded(given.x_m), rounded(given.y_m)
+        std_lon, std_lat = rounded(std.lon_m), rounded(std.lat_m)
         deviation, flipped = np.full(count, STD_HEADING_RAD), np.full(count, FLIP_PROBABILITY)
-        headings = BodyHeadings(_rounded(given.heading_rad), deviation, flipped)
+        headings = BodyHeadings(rounded(given.heading_rad), deviation, flipped)
         return Detections(*place, unknown, std_lon, std_lat, unknown.copy(), sizes, headings)
 
 
@@ -107,16 +99,12 @@ def _with_errors(exact: Detections, rng: np.random.Generator) -> Detections:
     """Return detections that are off by as much as they say."""
     count, sizes, headings = len(exact), exact.sizes, exact.headings
     normals = rng.standard_normal((5, count))
-    lon_m = _rounded(exact.lon_m + normals[0] * exact.std_lon_m)
-    lat_m = _rounded(exact.lat_m + normals[1] * exact.std_lat_m)
+    lon_m = rounded(exact.lon_m + normals[0] * exact.std_lon_m)
+    lat_m = rounded(exact.lat_m + normals[1] * exact.std_lat_m)
     if sizes is not None:
-        length_m = np.maximum(_rounded(sizes.length_m + normals[2] * sizes.std_length_m), SMALLEST_BOX_M)
-        width_m = np.maximum(_rounded(sizes.width_m + normals[3] * sizes.std_width_m), SMALLEST_BOX_M)
+        length_m = np.maximum(rounded(sizes.length_m + normals[2] * sizes.std_length_m), SMALLEST_BOX_M)
+        width_m = np.maximum(rounded(sizes.width_m + normals[3] * sizes.std_width_m), SMALLEST_BOX_M)
         sizes = replace(sizes, length_m=length_m, width_m=width_m)
     if headings is not None:
-        headings = replace(headings, heading_rad=_rounded(headings.heading_rad + normals[4] * headings.std_rad))
+        headings = replace(headings, heading_rad=rounded(headings.heading_rad + normals[4] * headings.std_rad))
     return replace(exact, lon_m=lon_m, lat_m=lat_m, sizes=sizes, headings=headings)
-
-
-def _rounded(values: FloatArray) -> FloatArray:
-    return np.asarray(np.round(values, DECIMALS))

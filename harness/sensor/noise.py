@@ -122,12 +122,6 @@ def measured_sizes(
     return np.concatenate([np.maximum(size + std * normals, SMALLEST_BOX_M), std], axis=-1)
 
 
-def turned(along: FloatArray, across: FloatArray, axis_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return longitudinal and lateral parts of what lies along and across axes turned against the frame, each (n,)."""
-    cosine, sine = np.cos(axis_rad), np.sin(axis_rad)
-    return along * cosine - across * sine, along * sine + across * cosine
-
-
 def position_error(std: PositionStd, angle_rad: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return errors along and across the boxes' axes, each (n,), made from standard normal numbers, shape (n, 4)."""
     along, across = std.along_m * normals[:, 2], std.across_m * normals[:, 3]

@@ -8,22 +8,22 @@ from functools import partial
 import numpy as np
 
 from harness.config.sensor import SensorSettings
-from harness.sensor.clutter import ghosts_after
-from harness.sensor.detectability import detectabilities
-from harness.sensor.failings import Boxes, advance, detection_probability, merged, miss_chain, shifted, split
-from harness.sensor.falseobjects import in_shadow, mirror_images, mirrored_after, posts_along
-from harness.sensor.memory import NORMALS, Ghosts, SensorMemory, VehicleMemory, drifted
-from harness.sensor.noise import (
-    measured_sizes,
-    measured_speed,
-    position_error,
-    position_std,
-    reported_factors,
-    turned,
+from harness.sensor.failings import (
+    Boxes,
+    advance,
+    detectabilities,
+    detection_probability,
+    merged,
+    miss_chain,
+    shifted,
+    split,
 )
+from harness.sensor.falseobjects import ghosts_after, in_shadow, mirror_images, mirrored_after, posts_along
+from harness.sensor.memory import NORMALS, Ghosts, SensorMemory, VehicleMemory, drifted
+from harness.sensor.noise import measured_sizes, measured_speed, position_error, position_std, reported_factors
 from harness.sensor.scene import Scene, in_reach, sight_to
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, wrapped
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, turned, wrapped
 
 CLUTTER_SPEED_MPS = (0.0, 40.0)
 SPEED_NORMAL, REPORT_NORMALS = 4, 6
@@ -106,7 +106,7 @@ def _measured(
     fraction = scene.fraction[of]
     distance, angle = scene.sight.distance[of], scene.sight.against_axis[of]
     off = position_error(position_std(settings, distance, angle, fraction), angle, errors[:, :4])
-    off_lon, off_lat = turned(*off, boxes.axis_rad)
+    off_lon, off_lat = turned(*off, -boxes.axis_rad)
     speed, _ = measured_speed(settings, angle, frame.speed_mps[of], frame.lat_speed_mps[of], errors[:, SPEED_NORMAL])
     size = measured_sizes(settings, boxes.length_m, boxes.width_m, fraction, errors[:, 5:])
     lon, lat = boxes.lon_m + off_lon, boxes.lat_m + off_lat
@@ -197,7 +197,7 @@ def _returns_of(
     sight = sight_to(ghosts.lon_m, ghosts.lat_m, scene.road, scene.ego, ghosts.axis_rad)
     plain_view, zeros = np.ones(len(ghosts)), np.zeros(len(ghosts))
     std = position_std(settings, sight.distance, sight.against_axis, plain_view)
-    off_lon, off_lat = turned(*position_error(std, sight.against_axis, normals[:, :4]), ghosts.axis_rad)
+    off_lon, off_lat = turned(*position_error(std, sight.against_axis, normals[:, :4]), -ghosts.axis_rad)
     speed, _ = measured_speed(settings, sight.against_axis, ghosts.speed_mps, zeros, normals[:, SPEED_NORMAL])
     size = measured_sizes(settings, ghosts.length_m, ghosts.width_m, plain_view, normals[:, 5:])
     measured = (ghosts.lon_m + off_lon, ghosts.lat_m + off_lat, ghosts.axis_rad, speed, size)

@@ -23,14 +23,9 @@ SAME_ANGLE = 1e-13
 
 
 def visible_fractions(
-    sensor_xy: tuple[float, float] | FloatArray,
-    centre_x: FloatArray,
-    centre_y: FloatArray,
-    heading: FloatArray,
-    length: FloatArray,
-    width: FloatArray,
-) -> tuple[FloatArray, IntArray]:
-    """Return how much of each rectangle the sensor sees and which other rectangle covers most of the rest.
+    sensor_xy: tuple[float, float] | FloatArray, bodies: FloatArray, walls: FloatArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return how much of each body the sensor sees, what covers most of the rest, and how much of it walls cover.
 
     A rectangle is covered in a direction where another one is met strictly earlier: rectangles that share the surface
     in front are both seen. A rectangle that contains the sensor, or has it on its edge, is met at distance zero in
@@ -38,43 +33,20 @@ def visible_fractions(
 
     Args:
         sensor_xy: Position of the sensor, metres.
-        centre_x: Centres, metres, shape (n,).
-        centre_y: Centres, metres, shape (n,).
-        heading: Directions of the long sides, radians, shape (n,).
-        length: Extents along the heading, metres, positive, shape (n,).
-        width: Extents across it, metres, positive, shape (n,).
-
-    Returns:
-        The visible fraction of each rectangle's angular extent, in [0, 1], shape (n,); and the index of the rectangle
-        that comes first over most of the covered part, -1 where nothing is covered, shape (n,).
-    """
-    return _shared_out(pack_boxes(sensor_xy, centre_x, centre_y, heading, length, width), len(centre_x))[:2]
-
-
-def visible_beside_walls(
-    sensor_xy: tuple[float, float] | FloatArray, bodies: FloatArray, walls: FloatArray
-) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return how much of each body the sensor sees, what covers most of the rest, and how much of it walls cover.
-
-    Args:
-        sensor_xy: Position of the sensor, metres.
-        bodies: Rows of the rectangles' centres, headings, lengths and widths as above, shape (5, n).
+        bodies: Rows of the rectangles' centres (x and y), headings, lengths and widths, shape (5, n).
         walls: The same of walls, shape (5, w).
 
     Returns:
-        As ``visible_fractions`` of the bodies, indices from n on being walls; and the share of each body's angular
-        extent over which a wall comes first, in [0, 1]; each of shape (n,).
+        The visible fraction of each body's angular extent, in [0, 1]; the index of the rectangle that comes first over
+        most of the covered part, -1 where nothing is covered, from n on that of a wall; and the share of the extent
+        over which a wall comes first, in [0, 1]; each of shape (n,).
     """
-    count = bodies.shape[1]
-    seen, occluder, behind = _shared_out(pack_boxes(sensor_xy, *np.concatenate([bodies, walls], axis=1)), count)
-    return seen[:count], occluder[:count], behind[:count]
-
-
-def _shared_out(boxes: FloatArray, first_wall: int) -> tuple[FloatArray, IntArray, FloatArray]:
+    boxes, count = pack_boxes(sensor_xy, *np.concatenate([bodies, walls], axis=1)), bodies.shape[1]
     if len(boxes) == 0:
         return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0)
     extents = _angular_extents(boxes)
-    return _sweep(boxes, extents, np.sort(_order_change_angles(boxes, extents)), first_wall)
+    seen, occluder, behind = _sweep(boxes, extents, np.sort(_order_change_angles(boxes, extents)), count)
+    return seen[:count], occluder[:count], behind[:count]
 
 
 @kernel()
@@ -136,9 +108,9 @@ def contains_sensor(boxes: FloatArray) -> npt.NDArray[np.bool_]:
 
 def compile_kernels() -> None:
     """Compile what has not been compiled on this machine yet, so that no scan pays for it."""
-    one = np.ones(1)
-    visible_fractions((0.0, 0.0), 9.0 * one, one, one, one, one)
-    first_hits(pack_boxes((0.0, 0.0), 9.0 * one, one, one, one, one), one)
+    bodies = np.array([[9.0], [1.0], [1.0], [1.0], [1.0]])
+    visible_fractions((0.0, 0.0), bodies, bodies[:, :0])
+    first_hits(pack_boxes((0.0, 0.0), *bodies), np.ones(1))
 
 
 @kernel()

@@ -23,7 +23,6 @@ SENSOR = sensor_settings(
 def _no_free_space():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.sensor.detector.free_space", lambda *_: None)
-        patch.setattr("harness.sensor.altered.free_space", lambda *_: None)
         yield
 
 

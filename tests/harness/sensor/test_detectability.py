@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.sensor.detectability import drawn_factors
 from harness.sensor.detector import build_sensor
+from harness.sensor.failings import drawn_factors
 from harness.sensor.profiles import sensor_settings
 from tests.harness.sensor.sensor_scenes import ROAD, frame_of
 

@@ -10,6 +10,11 @@ from harness.sensor.visibility import first_hits, pack_boxes, visible_fractions
 CAR = (4.7, 1.9)
 
 
+def seen_from(sensor_xy, bodies):
+    """Return visible fractions and occluders where there is no wall."""
+    return visible_fractions(sensor_xy, bodies, bodies[:, :0])[:2]
+
+
 @dataclass(frozen=True)
 class Scene:
     """Rows of (x, y, heading, length, width) seen from the origin."""
@@ -17,7 +22,7 @@ class Scene:
     rows: np.ndarray
 
     def look(self):
-        return visible_fractions((0.0, 0.0), *self.rows.T)
+        return seen_from((0.0, 0.0), self.rows.T)
 
 
 def cars(*positions, heading=0.0):
@@ -194,7 +199,7 @@ def test_turning_shifting_and_mirroring_the_scene_change_nothing(seed, turn, shi
         y, heading = -y, -heading
     moved_x = x * np.cos(turn) - y * np.sin(turn) + shift_x
     moved_y = x * np.sin(turn) + y * np.cos(turn) + shift_y
-    moved = visible_fractions((shift_x, shift_y), moved_x, moved_y, heading + turn, length, width)
+    moved = seen_from((shift_x, shift_y), np.stack([moved_x, moved_y, heading + turn, length, width]))
     assert moved[0] == pytest.approx(fraction, abs=1e-7)
     assert moved[1].tolist() == occluder.tolist()
 

@@ -14,7 +14,7 @@ from harness.lab.tuning.search import HARD_TO_DETECT, Recording, follow, main, r
 from harness.lab.tuning.spaces import SEARCH_SPACES, Range, default_options, nested
 from harness.lab.tuning.trials import Trial, best_of, scores_of
 from harness.scoring.score import score_run
-from harness.sensor.detectability import drawn_factors
+from harness.sensor.failings import drawn_factors
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
 from tests.harness.stand_ins import SteadyTraffic, looking_at, track
