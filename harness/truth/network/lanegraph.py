@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 from harness.common.errors import InputError
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
 from harness.truth.network.linkcontrol import read_control
+from harness.truth.network.polyline import followers, grid_origin, length_of
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.limits import graph_problem
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -29,7 +31,6 @@ SHORTEST_LANE_M = 0.1
 # Long pieces are divided, since the squares of the plane that a piece may be in are those of its bounding box.
 LONGEST_PIECE_M = 100.0
 DECIMALS = 3
-GRID_M = 1000.0
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def read_lane_graph(path: Path) -> PlaneNetwork:
         edges = net.getEdges(withInternal=True)
         lanes = {lane.getID(): lane for edge in edges for lane in edge.getLanes()}
         lines = {name: _line(lane) for name, lane in lanes.items() if _for_road_vehicles(lane)}
-        lines = {name: line for name, line in lines.items() if _length(line) >= SHORTEST_LANE_M}
+        lines = {name: line for name, line in lines.items() if length_of(line) >= SHORTEST_LANE_M}
         if not lines:
             raise InputError(f"{path}: no lane of it is for road vehicles; give a network with roads")
         graph, origin = _assemble(lanes, lines)
@@ -105,11 +106,9 @@ def _in_roundabouts(net: SumoNet, lanes: Sequence[SumoLane]) -> BoolArray | None
 def _assemble(lanes: dict[str, SumoLane], lines: dict[str, FloatArray]) -> tuple[LaneGraph, tuple[float, float]]:
     names = tuple(lines)
     index = {name: k for k, name in enumerate(names)}
-    low = np.min([line.min(axis=0) for line in lines.values()], axis=0)
-    # Adding zero turns -0.0 into 0.0.
-    origin = np.floor(low / GRID_M) * GRID_M + 0.0
+    origin = grid_origin(np.min([line.min(axis=0) for line in lines.values()], axis=0))
     placed = [np.round(_divided(line - origin), DECIMALS) for line in lines.values()]
-    follow = [_successors(lanes, index, name) for name in names]
+    follow = [followers(name, index, partial(_after, lanes)) for name in names]
     successor = np.array([to for each in follow for to in each], dtype=np.int64)
     first_successor = np.cumsum([0, *map(len, follow)])
     left, right = _neighbours([lanes[name].getEdge() for name in names], index, lines)
@@ -144,10 +143,6 @@ def _line(lane: SumoLane) -> FloatArray:
     return np.array(kept)
 
 
-def _length(line: FloatArray) -> float:
-    return float(np.hypot(*np.diff(line, axis=0).T).sum())
-
-
 def _divided(line: FloatArray) -> FloatArray:
     """Return the same line with points so close that no piece is longer than the longest."""
     parts = [line[:1]]
@@ -157,23 +152,13 @@ def _divided(line: FloatArray) -> FloatArray:
     return np.concatenate(parts)
 
 
-def _successors(lanes: dict[str, SumoLane], index: dict[str, int], name: str) -> list[int]:
-    """Return the lanes that follow one, in the order of its connections; those left out are linked past."""
-    found: list[int] = []
-    met = {name}
-    waiting = [name]
-    while waiting:
-        for connection in lanes[waiting.pop()].getOutgoing():
-            via = connection.getViaLaneID()
-            following = via if via in lanes else connection.getToLane().getID()
-            if following in index:
-                if index[following] not in found:
-                    found.append(index[following])
-            # Whoever may use it and finds it missing here finds it too short.
-            elif following not in met and _for_road_vehicles(lanes[following]):
-                met.add(following)
-                waiting.append(following)
-    return found
+def _after(lanes: dict[str, SumoLane], name: str) -> Iterator[str]:
+    """Yield the lanes that follow one and that whoever may use it would find too short if the graph lacks them."""
+    for connection in lanes[name].getOutgoing():
+        via = connection.getViaLaneID()
+        following = via if via in lanes else connection.getToLane().getID()
+        if _for_road_vehicles(lanes[following]):
+            yield following
 
 
 def _neighbours(

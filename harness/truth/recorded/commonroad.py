@@ -14,12 +14,11 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number, unpacked
-from harness.truth.recorded.laneletgraph import are_one_road, plane_of_lanelets
-from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
+from harness.truth.network.polyline import length_of
+from harness.truth.recorded.laneletgraph import road_of_lanelets
+from harness.truth.recorded.lanelets import Lanelet
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
-from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
-from mmpf.map.corridor_road import CorridorRoad
-from mmpf.map.graph_road import LaneGraphRoad
+from harness.truth.recorded.rows import ReadTraffic, rows_in
 from mmpf.numerics.arrays import FloatArray
 
 ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
@@ -206,7 +205,7 @@ def _points(bound: Element | None) -> FloatArray:
     points = np.array([(_number(point, "x"), _number(point, "y")) for point in bound.findall("point")])
     if len(points) < 2 or not np.abs(points).max() <= FARTHEST_M:
         raise ValueError(f"a lanelet's bound needs two points or more within {FARTHEST_M:g} m")
-    length_m = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    length_m = length_of(points)
     if not 0.0 < length_m <= LONGEST_LANELET_M:
         raise ValueError(f"a lanelet's bound is {length_m:g} m long; at most {LONGEST_LANELET_M:g} is believed")
     return points
@@ -262,28 +261,9 @@ def _traffic(scenario: _Scenario, obstacles: list[_Obstacle], path: Path) -> Rea
     states = np.concatenate([obstacle.states for obstacle in obstacles])
     vehicle = np.repeat(np.arange(len(obstacles)), [len(obstacle.states) for obstacle in obstacles])
     step, x, y, orientation, speed = states.T
-    road: CorridorRoad | LaneGraphRoad
-    if are_one_road(scenario.lanelets):
-        road = road_from_lanelets(scenario.lanelets, x, y)
-        lon_m, lat_m = road.to_road(x, y)
-        heading = (orientation - road.heading_at(lon_m) + np.pi) % (2.0 * np.pi) - np.pi
-        speed = speed * np.cos(heading)
-    else:
-        plane = plane_of_lanelets(_signed(scenario), path)
-        road = plane.road
-        lon_m, lat_m = x - plane.origin_xy[0], y - plane.origin_xy[1]
-        heading = (orientation + np.pi) % (2.0 * np.pi) - np.pi
-    rows = Rows(
-        vehicle=vehicle,
-        time_s=step * scenario.step_s,
-        lon_m=lon_m,
-        lat_m=lat_m,
-        heading_rad=heading,
-        speed_mps=speed,
-        # The lanelets' directions scatter too much for the drift to follow from the heading.
-        lat_speed_mps=unknown(len(step)),
-        length_m=np.array([obstacle.length_m for obstacle in obstacles])[vehicle],
-        width_m=np.array([obstacle.width_m for obstacle in obstacles])[vehicle],
-    )
+    road, origin = road_of_lanelets(_signed(scenario), x, y, path)
+    sizes = np.array([(obstacle.length_m, obstacle.width_m) for obstacle in obstacles])[vehicle]
+    time_s, size_m = step * scenario.step_s, (sizes[:, 0], sizes[:, 1])
+    rows = rows_in(road, origin, vehicle, time_s, (x, y, orientation), speed, size_m)
     read = len(obstacles) + sum(scenario.left_out.values())
     return ReadTraffic(road, np.array([obstacle.name for obstacle in obstacles]), rows, read, scenario.left_out)

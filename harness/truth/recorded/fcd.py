@@ -19,14 +19,11 @@ import numpy as np
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number, unpacked
 from harness.truth.network.network import Network, load_network
-from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
+from harness.truth.recorded.rows import ReadTraffic, rows_in
 from harness.truth.sumo.reading import beside_the_road
-from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray
 
 # SUMO's own sizes of its vehicle classes, metres.
 DEFAULT_SIZES = {"passenger": (5.0, 1.8), "truck": (7.1, 2.4), "motorcycle": (2.2, 0.9), "bus": (12.0, 2.5)}
-CHUNK_ROWS = 100_000
 Sizes = dict[str, tuple[float, float]]
 ON_FOOT = "person"
 TYPES = ".vtypes.xml"
@@ -131,36 +128,13 @@ def _traffic(collected: _Collected, network: Network, of_type: Sizes) -> ReadTra
     length_m = np.where(np.isnan(length_m), usual_m[:, 0], length_m)
     width_m = np.where(np.isnan(width_m), usual_m[:, 1], width_m)
     vehicle_names, people = np.array(list(collected.names)), len(collected.people)
-    lon_m, lat_m, heading = _in_road_frame(network.corridor_road, x, y, np.radians(90.0 - angle_deg), length_m)
-    near = np.bincount(vehicle[beside_the_road(network.road, lat_m)], minlength=len(vehicle_names)) > 0
-    kept = near[vehicle]
+    heading, road = np.radians(90.0 - angle_deg), network.corridor_road
+    # The centre is half a length behind the bumper along the heading.
+    centre = x - 0.5 * length_m * np.cos(heading), y - 0.5 * length_m * np.sin(heading), heading
+    rows = rows_in(road, (0.0, 0.0), np.ascontiguousarray(vehicle), time_s, centre, speed, (length_m, width_m))
+    near = np.bincount(vehicle[beside_the_road(road, rows.lat_m)], minlength=len(vehicle_names)) > 0
     left_out = {"never within 15 m of the main road": int(np.sum(~near)), "on foot": people}
-    all_rows = Rows(
-        vehicle=np.ascontiguousarray(vehicle),
-        time_s=time_s,
-        lon_m=lon_m,
-        lat_m=lat_m,
-        heading_rad=heading,
-        speed_mps=speed * np.cos(heading),
-        lat_speed_mps=unknown(len(vehicle)),
-        length_m=length_m,
-        width_m=width_m,
-    )
-    return ReadTraffic(network.road, vehicle_names, all_rows.take(kept), len(vehicle_names) + people, left_out)
-
-
-def _in_road_frame(
-    road: Road, x: FloatArray, y: FloatArray, heading_in_plane: FloatArray, length_m: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return position of the centre and heading; the centre is half a length behind the bumper along the heading."""
-    centre_x = x - 0.5 * length_m * np.cos(heading_in_plane)
-    centre_y = y - 0.5 * length_m * np.sin(heading_in_plane)
-    lon_m, lat_m = np.empty(len(x)), np.empty(len(x))
-    for start in range(0, len(x), CHUNK_ROWS):
-        part = slice(start, start + CHUNK_ROWS)
-        lon_m[part], lat_m[part] = road.to_road(centre_x[part], centre_y[part])
-    heading = (heading_in_plane - road.heading_at(lon_m) + np.pi) % (2.0 * np.pi) - np.pi
-    return lon_m, lat_m, heading
+    return ReadTraffic(road, vehicle_names, rows.take(near[vehicle]), len(vehicle_names) + people, left_out)
 
 
 def _size_of(kind: str, of_type: Sizes) -> tuple[float, float]:

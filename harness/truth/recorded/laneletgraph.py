@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,13 @@ import shapely
 from shapely.ops import substring
 
 from harness.common.errors import InputError
-from harness.truth.recorded.lanelets import Lanelet
+from harness.truth.network.polyline import at_shares, followers, grid_origin, length_of
+from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.limits import graph_problem
+from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
 # On one road lanelets lead one way to within this angle, but for a small share of their length, as of a drawn hook.
@@ -33,20 +35,30 @@ LONGEST_PIECE_M = 100.0
 # Lanes that meet at their ends do not cross there.
 ENDS_M = 1.0
 DECIMALS = 3
-GRID_M = 1000.0
+# Where it is looked whether lanes lie beside each other.
+SHARES = np.array([0.1, 0.5, 0.9])
 
 
-@dataclass(frozen=True)
-class LaneletPlane:
-    """Lanelets in the plane.
+def road_of_lanelets(
+    lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray, path: Path
+) -> tuple[Road, tuple[float, float]]:
+    """Return the road of lanelets: a frame along them where they all lead one way, else the plane.
 
-    Attributes:
-        road: The road, whose frame is the plane.
-        origin_xy: The file's coordinates of the plane's origin, whole kilometres, so that places stay small numbers.
+    Args:
+        lanelets: The lanelets.
+        x: Positions of the traffic, shape (n,).
+        y: Likewise.
+        path: The file, for messages.
+
+    Returns:
+        The road, and the file's coordinates of the origin of its plane.
+
+    Raises:
+        InputError: See ``plane_of_lanelets``.
     """
-
-    road: LaneGraphRoad
-    origin_xy: tuple[float, float]
+    if are_one_road(lanelets):
+        return road_from_lanelets(lanelets, x, y), (0.0, 0.0)
+    return plane_of_lanelets(lanelets, path)
 
 
 def are_one_road(lanelets: Sequence[Lanelet]) -> bool:
@@ -58,18 +70,16 @@ def are_one_road(lanelets: Sequence[Lanelet]) -> bool:
     return bool(length[aside].sum() <= MOST_ASIDE * length.sum())
 
 
-def plane_of_lanelets(lanelets: Sequence[Lanelet], path: Path) -> LaneletPlane:
-    """Return lanelets as lanes in the plane.
+def plane_of_lanelets(lanelets: Sequence[Lanelet], path: Path) -> tuple[LaneGraphRoad, tuple[float, float]]:
+    """Return the road of lanelets as lanes in the plane, and the file's coordinates of its origin.
 
     Raises:
         InputError: None of them is for cars, or they are larger than can be driven on.
     """
     by_name, lines = _for_cars(lanelets, path)
-    low = np.min([line.min(axis=0) for line in lines.values()], axis=0)
-    # Adding zero turns -0.0 into 0.0.
-    origin = np.floor(low / GRID_M) * GRID_M + 0.0
+    origin = grid_origin(np.min([line.min(axis=0) for line in lines.values()], axis=0))
     graph = _graph(by_name, {name: line - origin for name, line in lines.items()}, path)
-    return LaneletPlane(road_of_graph(graph), (float(origin[0]), float(origin[1])))
+    return road_of_graph(graph), (float(origin[0]), float(origin[1]))
 
 
 def graph_of_lanelets(lanelets: Sequence[Lanelet], path: Path) -> LaneGraph:
@@ -87,7 +97,7 @@ def _for_cars(lanelets: Sequence[Lanelet], path: Path) -> tuple[dict[str, Lanele
     """Return the lanelets for cars, and the middle lines of those that are long enough to be lanes."""
     by_name = {lanelet.name: lanelet for lanelet in lanelets if NOT_FOR_CARS.isdisjoint(lanelet.kinds)}
     lines = {name: _middle(lanelet) for name, lanelet in by_name.items()}
-    lines = {name: line for name, line in lines.items() if _length(line) >= SHORTEST_LANE_M}
+    lines = {name: line for name, line in lines.items() if length_of(line) >= SHORTEST_LANE_M}
     if not lines:
         raise InputError(f"{path}: no lanelet of it is for cars; give a scenario with roads")
     return by_name, lines
@@ -105,7 +115,10 @@ def _assemble(by_name: Mapping[str, Lanelet], lines: Mapping[str, FloatArray]) -
     names = tuple(lines)
     index = {name: k for k, name in enumerate(names)}
     chosen = [by_name[name] for name in names]
-    follow = [_followers(lanelet, by_name, index) for lanelet in chosen]
+    follow = [
+        followers(name, index, lambda other: [each for each in by_name[other].successors if each in by_name])
+        for name in names
+    ]
     crossed = _crossings(list(lines.values()))
     graph = LaneGraph(
         name=names,
@@ -122,21 +135,6 @@ def _assemble(by_name: Mapping[str, Lanelet], lines: Mapping[str, FloatArray]) -
     return replace(graph, control=_control(chosen, graph, crossed))
 
 
-def _followers(lanelet: Lanelet, by_name: Mapping[str, Lanelet], index: Mapping[str, int]) -> list[int]:
-    """Return the lanes that follow one; those that are too short to be lanes are linked past."""
-    found: list[int] = []
-    met = {lanelet.name}
-    waiting = [lanelet]
-    while waiting:
-        for name in waiting.pop(0).successors:
-            if name in index:
-                found += [index[name]] if index[name] not in found else []
-            elif name in by_name and name not in met:
-                met.add(name)
-                waiting.append(by_name[name])
-    return found
-
-
 def _beside(chosen: Sequence[Lanelet], neighbours: Sequence[str | None], index: Mapping[str, int]) -> IntArray:
     """Return the lane beside each, (l,): the neighbour that the file names, unless one of the two parts from there."""
     found = np.full(len(chosen), NOWHERE)
@@ -145,23 +143,15 @@ def _beside(chosen: Sequence[Lanelet], neighbours: Sequence[str | None], index: 
             continue
         other = chosen[index[name]]
         apart = 0.5 * (_width(lanelet) + _width(other))
-        away = np.hypot(*(_at_shares(lanelet) - _at_shares(other)).T)
+        away = np.hypot(*(at_shares(lanelet.centre_xy(), SHARES) - at_shares(other.centre_xy(), SHARES)).T)
         if 0.6 * apart <= away.min() and away.max() <= apart + 2.0:
             found[k] = index[name]
     return found
 
 
-def _at_shares(lanelet: Lanelet) -> FloatArray:
-    """Return places at a tenth, half and nine tenths of a lanelet's middle line, shape (3, 2)."""
-    line = lanelet.centre_xy()
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    wanted = along[-1] * np.array([0.1, 0.5, 0.9])
-    return np.stack([np.interp(wanted, along, line[:, axis]) for axis in (0, 1)], axis=-1)
-
-
 def _crossings(lines: Sequence[FloatArray]) -> list[set[int]]:
     """Return for each lane the others that cross it, ends left out."""
-    inner = [substring(shapely.LineString(line), min(ENDS_M, 0.4 * _length(line)), -ENDS_M) for line in lines]
+    inner = [substring(shapely.LineString(line), min(ENDS_M, 0.4 * length_of(line)), -ENDS_M) for line in lines]
     one, other = shapely.STRtree(inner).query(inner, predicate="intersects")
     found: list[set[int]] = [set() for _ in lines]
     for a, b in zip(one.tolist(), other.tolist(), strict=True):
@@ -241,12 +231,8 @@ def _width(lanelet: Lanelet) -> float:
     return max(float(np.median(np.hypot(*(left - right).T))), NARROWEST_LANE_M)
 
 
-def _length(line: FloatArray) -> float:
-    return float(np.hypot(*np.diff(line, axis=0).T).sum())
-
-
 def _chords(line: FloatArray) -> FloatArray:
     """Return how far a line leads, piece by piece of 20 m or a little less, shape (k, 2)."""
-    pieces = max(1, int(np.ceil(_length(line) / PIECE_M)))
+    pieces = max(1, int(np.ceil(length_of(line) / PIECE_M)))
     places = line[np.round(np.linspace(0, len(line) - 1, pieces + 1)).astype(np.int64)]
     return np.diff(places, axis=0)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from harness.truth.network.polyline import at_shares, length_of
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import FloatArray
@@ -67,7 +68,7 @@ class Lanelet:
     def sampled(self) -> tuple[FloatArray, FloatArray]:
         """Return points of the left and the right line beside each other, every two metres, each of shape (n, 2)."""
         shares = _even_shares(self.left_xy)
-        return _at_shares(self.left_xy, shares), _at_shares(self.right_xy, shares)
+        return at_shares(self.left_xy, shares), at_shares(self.right_xy, shares)
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray
         The road; its section is the extent of the map.
     """
     trunk = _trunk(lanelets, np.column_stack([x, y]))
-    reference = _simplified(_smoothed(_at_shares(trunk, _even_shares(trunk))))
+    reference = _simplified(_smoothed(at_shares(trunk, _even_shares(trunk))))
     frame = CorridorRoad(lanes=(), reference_xy=tuple((float(px), float(py)) for px, py in reference))
     strips = [strip for lanelet in lanelets if (strip := _strip(lanelet, frame)) is not None]
     lanes = _lanes(strips)
@@ -113,7 +114,7 @@ def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray
 
 def _trunk(lanelets: Sequence[Lanelet], traffic_xy: FloatArray) -> FloatArray:
     chains = _chains({lanelet.name: lanelet for lanelet in lanelets})
-    lengths = np.array([_length(chain) for chain in chains])
+    lengths = np.array([length_of(chain) for chain in chains])
     sample = traffic_xy[:: max(1, len(traffic_xy) // 300)]
     nearest = [
         float(np.mean(np.min(np.hypot(*(sample[:, None, :] - chain[None, ::3, :]).transpose(2, 0, 1)), axis=1)))
@@ -146,18 +147,8 @@ def _straightness(direction: FloatArray, line: FloatArray) -> float:
     return float(direction @ step / max(np.hypot(*direction) * np.hypot(*step), 1e-9))
 
 
-def _length(line: FloatArray) -> float:
-    return float(np.hypot(*np.diff(line, axis=0).T).sum())
-
-
-def _at_shares(line: FloatArray, shares: FloatArray) -> FloatArray:
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    along /= max(along[-1], 1e-9)
-    return np.column_stack([np.interp(shares, along, line[:, 0]), np.interp(shares, along, line[:, 1])])
-
-
 def _even_shares(line: FloatArray) -> FloatArray:
-    return np.linspace(0.0, 1.0, max(2, int(_length(line) / SAMPLE_M) + 1))
+    return np.linspace(0.0, 1.0, max(2, int(length_of(line) / SAMPLE_M) + 1))
 
 
 def _smoothed(line: FloatArray) -> FloatArray:

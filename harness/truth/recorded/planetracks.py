@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.truth.recorded.laneletgraph import GRID_M, plane_of_lanelets
+from harness.truth.network.polyline import grid_origin, length_of
+from harness.truth.recorded.laneletgraph import plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet
 from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
-from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
+from harness.truth.recorded.rows import ReadTraffic, rows_in
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.map.road import Road
@@ -89,26 +90,23 @@ def traffic_of_ways(
     if not np.isfinite(needed).all() or not max(np.abs(columns[axis]).max() for axis in ("x_m", "y_m")) <= FARTHEST_M:
         raise InputError(f"{path}: a value is not finite, or a place is farther than {FARTHEST_M:g} m; mend it")
     road, origin = _plane(lines, np.array([columns["x_m"].min(), columns["y_m"].min()]), path)
-    rows = Rows(
-        vehicle=np.repeat(np.arange(len(ways)), [len(way.time_s) for way in ways]),
-        time_s=columns["time_s"],
-        lon_m=columns["x_m"] - origin[0],
-        lat_m=columns["y_m"] - origin[1],
-        heading_rad=wrapped(columns["heading_rad"]),
-        speed_mps=columns["speed_mps"],
-        lat_speed_mps=unknown(len(columns["x_m"])),
-        length_m=columns["length_m"],
-        width_m=columns["width_m"],
+    rows = rows_in(
+        road,
+        origin,
+        np.repeat(np.arange(len(ways)), [len(way.time_s) for way in ways]),
+        columns["time_s"],
+        (columns["x_m"], columns["y_m"], columns["heading_rad"]),
+        columns["speed_mps"],
+        (columns["length_m"], columns["width_m"]),
     )
     return ReadTraffic(road, names, rows, len(ways) + sum(left_out.values()), left_out)
 
 
 def _plane(lines: Mapping[str, MiddleLine], low: FloatArray, path: Path) -> tuple[Road, tuple[float, float]]:
     if not lines:
-        x, y = (np.floor(low / GRID_M) * GRID_M + 0.0).tolist()
+        x, y = grid_origin(low).tolist()
         return LaneGraphRoad(graph=without_map()), (x, y)
-    plane = plane_of_lanelets(lanelets_of(lines, path), path)
-    return plane.road, plane.origin_xy
+    return plane_of_lanelets(lanelets_of(lines, path), path)
 
 
 def lanelets_of(lines: Mapping[str, MiddleLine], path: Path) -> list[Lanelet]:
@@ -124,7 +122,7 @@ def lanelets_of(lines: Mapping[str, MiddleLine], path: Path) -> list[Lanelet]:
         if line.xy.ndim != 2 or line.xy.shape[1] != 2 or not np.abs(line.xy).max(initial=0.0) <= FARTHEST_M:
             raise InputError(f"{path}: lane {name} is no line of points in the plane; mend it")
         xy = line.xy[np.append(True, np.hypot(*np.diff(line.xy, axis=0).T) > 1e-3)] if len(line.xy) else line.xy
-        length_m = float(np.hypot(*np.diff(xy, axis=0).T).sum()) if len(xy) > 1 else 0.0
+        length_m = length_of(xy) if len(xy) > 1 else 0.0
         if length_m > LONGEST_LINE_M or not 0.0 < line.width_m < 100.0:
             raise InputError(f"{path}: lane {name} is {length_m:g} m long and {line.width_m:g} m wide; mend it")
         if length_m >= SHORTEST_LINE_M:

@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray, IntArray, StringArray
+from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, wrapped
 
+CHUNK_ROWS = 100_000
 Selection = npt.NDArray[np.bool_] | IntArray
 
 
@@ -74,6 +75,37 @@ class ReadTraffic:
     def in_plane(self) -> bool:
         """Whether the road frame is the plane."""
         return self.road.has_headings
+
+
+def rows_in(
+    road: Road,
+    origin_xy: tuple[float, float],
+    vehicle: IntArray,
+    time_s: FloatArray,
+    place: tuple[FloatArray, FloatArray, FloatArray],
+    speed_mps: FloatArray,
+    size_m: tuple[FloatArray, FloatArray],
+) -> Rows:
+    """Return vehicle-times that are known in the Cartesian plane in a road's frame.
+
+    Lateral speeds stay unknown: lanes' directions scatter too much for the drift to follow from the heading.
+
+    Args:
+        road: The road.
+        origin_xy: Coordinates of the origin of its plane.
+        vehicle: Index into the names, shape (n,), n at least 1.
+        time_s: Times, shape (n,).
+        place: x and y of the centres and headings, each (n,).
+        speed_mps: Speeds along the headings, shape (n,).
+        size_m: Lengths and widths, each (n,).
+    """
+    x, y, direction = place[0] - origin_xy[0], place[1] - origin_xy[1], place[2]
+    # Of a bent road as many pieces at a time as fit in memory.
+    parts = [road.to_road(x[k : k + CHUNK_ROWS], y[k : k + CHUNK_ROWS]) for k in range(0, len(x), CHUNK_ROWS)]
+    lon_m, lat_m = np.concatenate(parts, axis=1)
+    heading = wrapped(direction - road.heading_at(lon_m))
+    speed_mps = speed_mps * np.cos(heading - road.axis_of(heading))
+    return Rows(vehicle, time_s, lon_m, lat_m, heading, speed_mps, unknown(len(x)), *size_m)
 
 
 def unknown(count: int) -> FloatArray:

@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import unpacked
+from harness.truth.network.polyline import length_of
 from harness.truth.recorded.planetracks import USUAL_LANE_M, MiddleLine, Way, traffic_of_ways
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.numerics.arrays import FloatArray
@@ -88,6 +89,6 @@ def _line(lane: Mapping[str, Any]) -> MiddleLine:
         return MiddleLine(xy.reshape(-1, 2))
     x, y = np.asarray([point[:2] for point in lane["polygon"]], dtype=np.float64).T
     area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
-    width = area / max(float(np.hypot(*np.diff(xy, axis=0).T).sum()), 1e-3)
+    width = area / max(length_of(xy), 1e-3)
     # Where lines of a lane part or join its area says little of its width.
     return MiddleLine(xy, width if LANE_WIDTHS_M[0] <= width <= LANE_WIDTHS_M[1] else USUAL_LANE_M)

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
+from harness.truth.network.polyline import length_of
 from harness.truth.recorded.detected.numbers import FARTHEST_M
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.numerics.arrays import FloatArray
@@ -86,7 +87,7 @@ def _points(boundary: Sequence[Mapping[str, float]]) -> FloatArray:
     points = np.array([(point["x"], point["y"]) for point in boundary], dtype=np.float64)
     if len(points) < 2 or not np.abs(points).max() <= FARTHEST_M:
         raise ValueError(f"a boundary needs two points or more within {FARTHEST_M:g} m")
-    if np.hypot(*np.diff(points, axis=0).T).sum() > LONGEST_M:
+    if length_of(points) > LONGEST_M:
         raise ValueError(f"a boundary is longer than {LONGEST_M:g} m")
     return points
 

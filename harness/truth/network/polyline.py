@@ -1,0 +1,47 @@
+"""Lines of points in the plane, shape (p, 2), and what lanes of a graph have in common whatever file they are from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+import numpy as np
+
+from mmpf.numerics.arrays import FloatArray
+
+
+def length_of(line: FloatArray) -> float:
+    """Return a line's length."""
+    return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def at_shares(line: FloatArray, shares: FloatArray) -> FloatArray:
+    """Return the places at shares of a line's length, shape (k, 2)."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    along /= max(along[-1], 1e-9)
+    return np.column_stack([np.interp(shares, along, line[:, 0]), np.interp(shares, along, line[:, 1])])
+
+
+def grid_origin(low_xy: FloatArray, grid_m: float = 1000.0) -> FloatArray:
+    """Return the whole kilometres below a place, from where places are counted shape (2,)."""
+    # Adding zero turns -0.0 into 0.0.
+    return np.asarray(np.floor(low_xy / grid_m) * grid_m + 0.0)
+
+
+def followers(name: str, index: Mapping[str, int], after: Callable[[str], Iterable[str]]) -> list[int]:
+    """Return the lanes that follow one; those that are not in the graph, since they are too short, are linked past.
+
+    Args:
+        name: The lane.
+        index: Numbers of the lanes in the graph.
+        after: Names of the lanes after one that may be driven on.
+    """
+    found: dict[int, None] = {}
+    met, waiting = {name}, [name]
+    while waiting:
+        for following in after(waiting.pop()):
+            if following in index:
+                found[index[following]] = None
+            elif following not in met:
+                met.add(following)
+                waiting.append(following)
+    return list(found)
