@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +12,7 @@ from xml.sax import SAXException
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import FloatArray
@@ -84,8 +85,16 @@ class Corridor:
     lanes: tuple[Lane, ...]
     reference_xy: tuple[tuple[float, float], ...]
 
-    def road(self, section_m: tuple[float, float]) -> CorridorRoad:
-        """Return the road frame with a scored section."""
+    def length_m(self, section_m: tuple[float, float]) -> float:
+        """Return the length of a section."""
+        return section_m[1] - section_m[0]
+
+    def demand(self, density_veh_per_km_lane: float, relation: Equilibrium) -> Demand:
+        """Return the demand that a density asks for of drivers with a relation of speed and density."""
+        return demand_for_density(density_veh_per_km_lane, self.main_lanes, relation)
+
+    def road(self, section_m: tuple[float, float], additional_files: Iterable[Path] = ()) -> CorridorRoad:  # noqa: ARG002
+        """Return the road frame with a scored section; buildings beside it do not count."""
         return CorridorRoad(
             lanes=self.lanes,
             reference_xy=self.reference_xy,

@@ -1,19 +1,22 @@
-"""The lanes of any SUMO network as a graph of lines in the plane, paths across junctions included."""
+"""Any SUMO network in the plane: its lanes as a graph of lines, paths across junctions included, and its buildings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
+from xml.sax import SAXException
 
 import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
+from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
 from harness.truth.network.linkcontrol import read_control
 from harness.truth.network.polyline import followers, grid_origin, length_of
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.limits import graph_problem
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -31,6 +34,9 @@ SHORTEST_LANE_M = 0.1
 # Long pieces are divided, since the squares of the plane that a piece may be in are those of its bounding box.
 LONGEST_PIECE_M = 100.0
 DECIMALS = 3
+# Types of polygons, as netconvert and polyconvert write them, that stand up from the ground.
+OPAQUE = ("building", "wall", "barrier.wall")
+MOST_WALLS = 200_000
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,7 @@ class PlaneNetwork:
             network tells of no roundabout.
     """
 
+    main_lanes = 0
     graph: LaneGraph
     origin_xy: tuple[float, float]
     in_roundabout: BoolArray | None = None
@@ -58,6 +65,20 @@ class PlaneNetwork:
         """From where to where its lanes reach along x, metres; a metre at least."""
         low, high = self.graph.xy[:, 0].min(), self.graph.xy[:, 0].max()
         return float(low), float(max(high, low + 1.0))
+
+    def road(self, section_m: tuple[float, float], additional_files: Iterable[Path] = ()) -> LaneGraphRoad:
+        """Return the lanes as a road, with the buildings of SUMO's additional files."""
+        walls = read_walls(additional_files)
+        return LaneGraphRoad(self.graph, section_m, None if walls is None else walls - np.tile(self.origin_xy, 2))
+
+    def length_m(self, section_m: tuple[float, float]) -> float:  # noqa: ARG002  (of all that has a section)
+        """Return the length of all lanes."""
+        return self.lanes_m
+
+    def demand(self, density_veh_per_km_lane: float, relation: Equilibrium) -> Demand:  # noqa: ARG002
+        """Return a density as a demand: there are neither ramps nor waves."""
+        demand = demand_for_density(density_veh_per_km_lane)
+        return Demand(demand.density_veh_per_km_lane, 0.0, 0.0, 0.0, 0.0, demand.wave_period_s)
 
 
 def read_lane_graph(path: Path) -> PlaneNetwork:
@@ -199,3 +220,43 @@ def _at_shares(line: FloatArray) -> tuple[FloatArray, FloatArray]:
     piece = np.minimum(np.searchsorted(along, wanted, side="right") - 1, len(lengths) - 1)
     place = np.stack([np.interp(wanted, along, line[:, axis]) for axis in (0, 1)], axis=-1)
     return place, steps[piece] / lengths[piece][:, None]
+
+
+def read_walls(files: Iterable[Path]) -> FloatArray | None:
+    """Return the outlines of the buildings in additional files as rows of x and y of either end, metres, (w, 4).
+
+    Heights are not known and play no part: a building hides whatever is behind it.
+
+    Args:
+        files: SUMO's additional files; those without polygons add nothing.
+
+    Returns:
+        The walls; None if there are none.
+
+    Raises:
+        InputError: A file can't be read, or there are more walls than any network needs.
+    """
+    from sumolib.shapes import polygon  # noqa: PLC0415  (heavy)
+
+    walls: list[FloatArray] = []
+    for file in files:
+        try:
+            found = polygon.read(str(file))
+        except (SAXException, ValueError, KeyError, AttributeError, TypeError, IndexError, OSError) as error:
+            raise InputError(f"{file}: its polygons can't be read: {error}") from error
+        opaque = [each.shape for each in found if str(each.type).startswith(OPAQUE) and len(each.shape) > 1]
+        if not all(np.isfinite(shape).all() for shape in opaque):
+            raise InputError(f"{file}: a polygon has a corner that is not finite")
+        walls.extend(_outline(np.asarray(shape, dtype=np.float64)[:, :2]) for shape in opaque)
+    if not walls:
+        return None
+    rows = np.concatenate(walls)
+    if len(rows) > MOST_WALLS:
+        raise InputError(f"the network's polygons have {len(rows)} walls; at most {MOST_WALLS} are taken")
+    return rows
+
+
+def _outline(corners: FloatArray) -> FloatArray:
+    """Return the sides of a polygon, shape (k, 4), the one that closes it too; without those of no length."""
+    sides = np.concatenate([corners, np.roll(corners, -1, axis=0)], axis=1)
+    return np.asarray(sides[np.hypot(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1]) > 1e-6])

@@ -12,13 +12,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
-import numpy as np
-
 from harness.common.errors import InputError
 from harness.common.isolation import Limits, isolated
 from harness.common.untrusted_files import checked_path
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
-from harness.truth.network.demand import Demand, Drivers, Equilibrium, demand_for_density
+from harness.truth.network.demand import Demand, Drivers, Equilibrium
 from harness.truth.network.lanegraph import PlaneNetwork, read_lane_graph
 from harness.truth.network.limits import check_xml
 from harness.truth.network.networkfile import (
@@ -30,12 +28,9 @@ from harness.truth.network.networkfile import (
     read_toml,
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
-from harness.truth.network.walls import read_walls
 from mmpf.map.corridor_road import CorridorRoad
-from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import compile_kernels
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray
 
 LATERAL_RESOLUTION_M = "0.92"
 
@@ -107,6 +102,11 @@ class Network:
     sumo_inputs: SumoInputs | None = None
 
     @property
+    def layout(self) -> Corridor | PlaneNetwork:
+        """The main road, or the lanes in the plane."""
+        return self.plane or self.main_road
+
+    @property
     def demands(self) -> tuple[str, ...]:
         """Names of the known demands."""
         return tuple(self.demand_files)
@@ -131,9 +131,8 @@ class Network:
     @cached_property
     def road(self) -> Road:
         """The road with the section that is scored."""
-        if self.plane is not None:
-            return LaneGraphRoad(section_m=self.section_m, graph=self.plane.graph, walls_xy=self._walls(self.plane))
-        return self.corridor_road
+        inputs = self.sumo_inputs
+        return self.layout.road(self.section_m, () if inputs is None else inputs.additional_files)
 
     @cached_property
     def corridor_road(self) -> CorridorRoad:
@@ -143,10 +142,6 @@ class Network:
             InputError: There is none.
         """
         return self.main_road.road(self.section_m)
-
-    def _walls(self, plane: PlaneNetwork) -> FloatArray | None:
-        walls = None if self.sumo_inputs is None else read_walls(self.sumo_inputs.additional_files)
-        return None if walls is None else walls - np.tile(plane.origin_xy, 2)
 
     @property
     def main_road(self) -> Corridor:
@@ -194,10 +189,7 @@ class Network:
         Raises:
             InputError: The density is not a number or out of range.
         """
-        if self.plane is not None:
-            demand = demand_for_density(density_veh_per_km_lane)
-            return Demand(demand.density_veh_per_km_lane, 0.0, 0.0, 0.0, 0.0, demand.wave_period_s)
-        return demand_for_density(density_veh_per_km_lane, self.main_road.main_lanes, self.relation)
+        return self.layout.demand(density_veh_per_km_lane, self.relation)
 
 
 def available_networks() -> tuple[NetworkDescription, ...]:
@@ -358,9 +350,7 @@ def _describe(network: Network) -> NetworkDescription:
         name=network.name,
         description=network.description,
         demands=tuple((name, entry.description) for name, entry in network.demand_files.items()),
-        section_length_m=(
-            network.section_m[1] - network.section_m[0] if network.plane is None else network.plane.lanes_m
-        ),
-        lanes=network.main_road.main_lanes if network.plane is None else 0,
+        section_length_m=network.layout.length_m(network.section_m),
+        lanes=network.layout.main_lanes,
         size_kb=network.net_file.stat().st_size / 1024.0,
     )

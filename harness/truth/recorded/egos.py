@@ -113,7 +113,7 @@ def _distance_from_middle(traffic: RecordedTraffic, stay: IntArray) -> FloatArra
     def mean_m(column: str) -> FloatArray:
         return np.bincount(traffic.stay, weights=traffic.columns[column], minlength=len(traffic.names)) / count
 
-    if traffic.road.graph is None:
+    if traffic.knows_ends:
         return np.asarray(np.abs(mean_m("lon_m")[stay] - 0.5 * sum(traffic.window_m)))
     x, y = (mean_m(column)[stay] - float(traffic.columns[column].mean()) for column in ("lon_m", "lat_m"))
     return np.asarray(np.hypot(x, y))

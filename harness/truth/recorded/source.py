@@ -77,23 +77,19 @@ class RecordedTrafficTruth:
         left_out = ", ".join(f"{count} {reason}" for reason, count in counts.left_out.items()) or "none"
         names = [str(self.traffic.names[ego.stay]) for ego in self.egos]
         egos = f"{len(names)} in turn" if self._asked.startswith(EACH) else ", then ".join(names[:6])
+        extent = f"in the plane, on {len(list(self.road.lines()))} lanes"
+        if self.traffic.knows_ends:
+            extent = f"over {self.traffic.window_m[1] - self.traffic.window_m[0]:.0f} m"
         lines = [
             f"{self._path.name} ({self._format}): {counts.vehicles_read} vehicles read, {counts.vehicles_kept} kept; "
             f"left out: {left_out}",
-            f"{self.traffic.steps * STEP_S:.1f} s on record {self._where()}, {counts.rows_kept} "
+            f"{self.traffic.steps * STEP_S:.1f} s on record {extent}, {counts.rows_kept} "
             f"vehicle-times; duplicate rows left out: {counts.duplicates} ({counts.contradictions} contradicting); "
             f"filled in: {counts.filled}",
             f"ego: {egos} ({self.expected_steps * STEP_S:.1f} s in all)",
             *self.traffic.notes,
         ]
         return "\n".join(lines)
-
-    def _where(self) -> str:
-        graph = self.road.graph
-        if graph is not None:
-            return f"in the plane, on {len(graph)} lanes"
-        start_m, end_m = self.traffic.window_m
-        return f"over {end_m - start_m:.0f} m"
 
     def summary(self) -> dict[str, object]:
         """Return the same as a table for ``metrics.json``."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import singledispatch
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -84,6 +84,11 @@ class RecordedTraffic:
         return len(self.step_starts) - 1
 
     @property
+    def knows_ends(self) -> bool:
+        """Whether it is known where on the road what is on record ends."""
+        return bool(np.isfinite(self.window_m).all())
+
+    @property
     def step_of_row(self) -> IntArray:
         """Step of each row, shape (n,)."""
         return np.repeat(np.arange(self.steps), np.diff(self.step_starts))
@@ -101,11 +106,8 @@ class RecordedTraffic:
             lane=self.lane[rows],
             window_m=self.window_m,
             direction_rad=self.columns["heading_rad"][rows] if self.road.has_headings else None,
-            **self._floats_of(rows),
+            **cast("dict[str, Any]", {name: values[rows] for name, values in self.columns.items()}),
         )
-
-    def _floats_of(self, rows: slice) -> dict[str, Any]:
-        return {name: values[rows] for name, values in self.columns.items()}
 
 
 def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 0.0) -> RecordedTraffic:

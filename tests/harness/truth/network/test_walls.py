@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.truth.network.walls import read_walls
+from harness.truth.network.lanegraph import read_walls
 
 
 def polygons(folder: Path, content: str) -> Path:
