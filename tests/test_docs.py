@@ -49,3 +49,36 @@ def test_python_examples_compile(page):
 def test_hand_written_pages_stay_short():
     texts = (page.read_text(encoding="utf-8") for page in pages())
     assert sum(len(text.split()) for text in texts if GENERATED not in text) <= MOST_WORDS
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *pages()], ids=lambda page: page.name)
+def test_a_table_of_results_holds_the_figures_of_its_reference(page):
+    """A row says in a comment which column of the reference table it shows; a cell has one figure for each density."""
+    text = page.read_text(encoding="utf-8")
+    for name, table in re.findall(r"<!-- table: (\w+) -->\n((?:.*\n)+?)\n", text):
+        reference = read_tables((ROOT / "results" / "reference" / name / "table.md").read_text(encoding="utf-8"))
+        header, _, *rows = [cells(line) for line in table.strip().splitlines() if line.startswith("|")]
+        for label, *shown in rows:
+            column = re.search(r"<!-- (.*) -->", label)[1]
+            for tracker, cell in zip(header[1:], shown, strict=True):
+                key = re.search(r"<!-- (.*) -->", tracker)[1]
+                expected = [mean for (row, _, heading), mean in reference.items() if (row, heading) == (key, column)]
+                assert [float(part) for part in cell.split("/")] == expected, (label, tracker)
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+
+
+def read_tables(text: str) -> dict[tuple[str, str, str], float]:
+    """Return the means of a reference table by tracker, density and column."""
+    means, header = {}, []
+    for line in text.splitlines():
+        row = cells(line) if line.startswith("| ") else []
+        if row[:2] == ["tracker", "density"]:
+            header = row
+        elif row and not row[0].startswith("---") and len(row) == len(header):
+            for heading, cell in zip(header[2:], row[2:], strict=True):
+                if number := re.match(r"-?[\d.]+", cell):
+                    means[row[0], row[1], heading] = float(number[0])
+    return means
