@@ -85,15 +85,10 @@ def ideal() -> SensorSettings:
     ``lidar-independent``.
     """
     return SensorSettings(
-        detection_probability=1.0,
-        view_exponent=0.0,
-        hidden_fraction=0.16,
-        clutter_per_scan=0.0,
-        nominal_detection_probability=0.99,
-        nominal_clutter_per_scan=0.01,
-        nominal_full_view_fraction=0.2,
+        detection_probability=1.0, view_exponent=0.0, hidden_fraction=0.16, clutter_per_scan=0.0,
+        nominal_detection_probability=0.99, nominal_clutter_per_scan=0.01, nominal_full_view_fraction=0.2,
         nominal_hidden_fraction=0.15,
-    )
+    )  # fmt: skip
 
 
 @sensor_profiles.register("lidar")
@@ -110,31 +105,13 @@ def lidar() -> SensorSettings:
     how much a partly hidden vehicle's box recedes, and how often boxes are split and merged are assumptions.
     """
     return SensorSettings(
-        detection_probability=0.97,
-        view_exponent=0.35,
-        missed_far_share=0.08,
-        missed_in_runs=0.6,
-        missed_run_s=0.4,
-        missed_run_hidden_s=0.6,
-        clutter_per_scan=1.3,
-        persistent_clutter=5.0,
-        persistent_clutter_s=4.0,
-        std_lon_m=0.25,
-        std_lat_m=0.15,
-        std_bearing_deg=0.05,
-        hidden_noise_factor=2.0,
-        bias_share=0.5,
-        bias_time_s=1.0,
-        centre_shift_share=0.2,
-        split_share=0.05,
-        merged_share=0.02,
-        reported_factor=1.2,
-        reported_spread=0.3,
-        nominal_detection_probability=0.9,
-        nominal_clutter_per_scan=4.0,
-        nominal_bias_share=0.5,
+        detection_probability=0.97, view_exponent=0.35, missed_far_share=0.08, missed_in_runs=0.6, missed_run_s=0.4,
+        missed_run_hidden_s=0.6, clutter_per_scan=1.3, persistent_clutter=5.0, persistent_clutter_s=4.0, std_lon_m=0.25,
+        std_lat_m=0.15, std_bearing_deg=0.05, hidden_noise_factor=2.0, bias_share=0.5, bias_time_s=1.0,
+        centre_shift_share=0.2, split_share=0.05, merged_share=0.02, reported_factor=1.2, reported_spread=0.3,
+        nominal_detection_probability=0.9, nominal_clutter_per_scan=4.0, nominal_bias_share=0.5,
         nominal_bias_time_s=1.0,
-    )
+    )  # fmt: skip
 
 
 @sensor_profiles.register("lidar-real")
@@ -150,43 +127,16 @@ def lidar_real() -> SensorSettings:
     boxes stay whole.
     """
     return SensorSettings(
-        detection_probability=0.938,
-        detectability_share=1.0,
-        detectability_least=0.0,
-        detectability_mean=0.971,
-        detectability_spread=0.0725,
-        detectability_narrow=0.8,
-        view_exponent=0.11,
-        missed_far_share=0.9,
-        full_view_fraction=0.598,
-        hidden_fraction=0.02,
-        missed_in_runs=0.724,
-        missed_run_s=0.219,
-        missed_run_hidden_s=3.3,
-        burst_share=0.0618,
-        burst_s=5.55,
-        clutter_per_scan=0.613,
-        persistent_clutter=4.52,
-        persistent_clutter_s=0.6,
-        persistent_clutter_probability=0.727,
-        std_lon_m=0.182,
-        std_lat_m=0.0996,
-        std_bearing_deg=0.05,
-        hidden_noise_factor=1.44,
-        bias_share=0.65,
-        bias_time_s=2.0,
-        centre_shift_share=0.2,
-        std_length_m=0.316,
-        std_width_m=0.137,
-        reported_factor=1.2,
-        reported_spread=0.3,
-        nominal_detection_probability=0.85,
-        nominal_clutter_per_scan=4.0,
-        nominal_full_view_fraction=0.6,
-        nominal_hidden_fraction=0.05,
-        nominal_bias_share=0.65,
-        nominal_bias_time_s=2.0,
-    )
+        detection_probability=0.938, detectability_share=1.0, detectability_least=0.0, detectability_mean=0.971,
+        detectability_spread=0.0725, detectability_narrow=0.8, view_exponent=0.11, missed_far_share=0.9,
+        full_view_fraction=0.598, hidden_fraction=0.02, missed_in_runs=0.724, missed_run_s=0.219,
+        missed_run_hidden_s=3.3, burst_share=0.0618, burst_s=5.55, clutter_per_scan=0.613, persistent_clutter=4.52,
+        persistent_clutter_s=0.6, persistent_clutter_probability=0.727, std_lon_m=0.182, std_lat_m=0.0996,
+        std_bearing_deg=0.05, hidden_noise_factor=1.44, bias_share=0.65, bias_time_s=2.0, centre_shift_share=0.2,
+        std_length_m=0.316, std_width_m=0.137, reported_factor=1.2, reported_spread=0.3,
+        nominal_detection_probability=0.85, nominal_clutter_per_scan=4.0, nominal_full_view_fraction=0.6,
+        nominal_hidden_fraction=0.05, nominal_bias_share=0.65, nominal_bias_time_s=2.0,
+    )  # fmt: skip
 
 
 @sensor_profiles.register("kitti-pointrcnn")
@@ -200,20 +150,10 @@ def kitti_pointrcnn() -> SensorSettings:
     away to be labelled. The network was trained on parts of these recordings.
     """
     return SensorSettings(
-        range_m=80.0,
-        field_of_view_deg=82.0,
-        std_lon_m=0.12,
-        std_lat_m=0.05,
-        std_range_m=0.05,
-        std_range_share=0.003,
-        std_bearing_deg=0.1,
-        std_length_m=0.24,
-        std_width_m=0.08,
-        nominal_detection_probability=0.87,
-        nominal_clutter_per_scan=1.0,
-        nominal_bias_share=0.5,
-        nominal_bias_time_s=1.0,
-    )
+        range_m=80.0, field_of_view_deg=82.0, std_lon_m=0.12, std_lat_m=0.05, std_range_m=0.05, std_range_share=0.003,
+        std_bearing_deg=0.1, std_length_m=0.24, std_width_m=0.08, nominal_detection_probability=0.87,
+        nominal_clutter_per_scan=1.0, nominal_bias_share=0.5, nominal_bias_time_s=1.0,
+    )  # fmt: skip
 
 
 @sensor_profiles.register("av2-points")
@@ -225,14 +165,9 @@ def av2_points() -> SensorSettings:
     0.1 m.
     """
     return SensorSettings(
-        range_m=150.0,
-        std_lon_m=0.15,
-        std_lat_m=0.1,
-        std_length_m=0.25,
-        std_width_m=0.1,
-        nominal_detection_probability=0.95,
-        nominal_clutter_per_scan=0.1,
-    )
+        range_m=150.0, std_lon_m=0.15, std_lat_m=0.1, std_length_m=0.25, std_width_m=0.1,
+        nominal_detection_probability=0.95, nominal_clutter_per_scan=0.1,
+    )  # fmt: skip
 
 
 @sensor_profiles.register("lidar-independent")
@@ -260,32 +195,12 @@ def radar() -> SensorSettings:
     or move with the traffic are usual, and a target fades for some tenths of a second.
     """
     return SensorSettings(
-        detection_probability=0.9,
-        view_exponent=0.5,
-        missed_far_share=0.1,
-        missed_in_runs=0.6,
-        clutter_per_scan=2.0,
-        persistent_clutter=5.0,
-        persistent_clutter_moving=0.5,
-        bias_share=0.4,
-        bias_time_s=0.8,
-        centre_shift_share=0.3,
-        split_share=0.1,
-        merged_share=0.1,
-        merged_gap_m=2.0,
-        reported_factor=1.2,
-        nominal_detection_probability=0.85,
-        nominal_clutter_per_scan=5.0,
-        nominal_bias_share=0.5,
-        nominal_bias_time_s=1.0,
-        std_lon_m=0.5,
-        std_lat_m=0.3,
-        std_range_m=0.4,
-        std_bearing_deg=0.5,
-        std_length_m=None,
-        std_width_m=None,
-        std_range_rate_mps=0.1,
-    )
+        detection_probability=0.9, view_exponent=0.5, missed_far_share=0.1, missed_in_runs=0.6, clutter_per_scan=2.0,
+        persistent_clutter=5.0, persistent_clutter_moving=0.5, bias_share=0.4, bias_time_s=0.8, centre_shift_share=0.3,
+        split_share=0.1, merged_share=0.1, merged_gap_m=2.0, reported_factor=1.2, nominal_detection_probability=0.85,
+        nominal_clutter_per_scan=5.0, nominal_bias_share=0.5, nominal_bias_time_s=1.0, std_lon_m=0.5, std_lat_m=0.3,
+        std_range_m=0.4, std_bearing_deg=0.5, std_length_m=None, std_width_m=None, std_range_rate_mps=0.1,
+    )  # fmt: skip
 
 
 @sensor_profiles.register("camera")
@@ -300,24 +215,9 @@ def camera() -> SensorSettings:
     missed oftener than by a lidar.
     """
     return SensorSettings(
-        detection_probability=0.93,
-        view_exponent=0.5,
-        missed_far_share=0.3,
-        missed_in_runs=0.8,
-        clutter_per_scan=0.5,
-        persistent_clutter=1.5,
-        bias_share=0.7,
-        bias_time_s=1.5,
-        centre_shift_share=0.3,
-        merged_share=0.05,
-        reported_factor=1.2,
-        nominal_detection_probability=0.85,
-        nominal_clutter_per_scan=1.5,
-        nominal_bias_share=0.7,
-        nominal_bias_time_s=1.5,
-        std_range_m=0.0,
-        std_range_share=0.05,
-        std_bearing_deg=0.15,
-        std_length_m=0.7,
+        detection_probability=0.93, view_exponent=0.5, missed_far_share=0.3, missed_in_runs=0.8, clutter_per_scan=0.5,
+        persistent_clutter=1.5, bias_share=0.7, bias_time_s=1.5, centre_shift_share=0.3, merged_share=0.05,
+        reported_factor=1.2, nominal_detection_probability=0.85, nominal_clutter_per_scan=1.5, nominal_bias_share=0.7,
+        nominal_bias_time_s=1.5, std_range_m=0.0, std_range_share=0.05, std_bearing_deg=0.15, std_length_m=0.7,
         std_width_m=0.25,
-    )
+    )  # fmt: skip

@@ -10,6 +10,7 @@ from pathlib import Path
 from xml.sax import SAXException
 
 import numpy as np
+import shapely
 
 from harness.common.errors import InputError
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
@@ -97,7 +98,7 @@ def read_lane_graph(path: Path) -> PlaneNetwork:
             raise InputError(f"{path}: no lane of it is for road vehicles; give a network with roads")
         graph, origin = _assemble(lanes, lines)
         in_roundabout = _in_roundabouts(net, [lanes[name] for name in graph.name])
-    except (ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
+    except (ValueError, KeyError, AttributeError, TypeError, IndexError, shapely.GEOSException) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path}: its lanes make no sense: {_in_words(error)}") from None
@@ -128,7 +129,8 @@ def _assemble(lanes: dict[str, SumoLane], lines: dict[str, FloatArray]) -> tuple
     names = tuple(lines)
     index = {name: k for k, name in enumerate(names)}
     origin = grid_origin(np.min([line.min(axis=0) for line in lines.values()], axis=0))
-    placed = [np.round(_divided(line - origin), DECIMALS) for line in lines.values()]
+    divided = shapely.segmentize([shapely.LineString(line - origin) for line in lines.values()], LONGEST_PIECE_M)
+    placed = [np.round(shapely.get_coordinates(line), DECIMALS) for line in divided]
     follow = [followers(name, index, partial(_after, lanes)) for name in names]
     successor = np.array([to for each in follow for to in each], dtype=np.int64)
     first_successor = np.cumsum([0, *map(len, follow)])
@@ -162,15 +164,6 @@ def _line(lane: SumoLane) -> FloatArray:
         if np.hypot(*(point - kept[-1])) > SAME_POINT_M:
             kept.append(point)
     return np.array(kept)
-
-
-def _divided(line: FloatArray) -> FloatArray:
-    """Return the same line with points so close that no piece is longer than the longest."""
-    parts = [line[:1]]
-    for start, end in pairwise(line):
-        pieces = max(1, int(np.ceil(np.hypot(*(end - start)) / LONGEST_PIECE_M)))
-        parts.append(start + (end - start) * (np.arange(1, pieces + 1) / pieces)[:, None])
-    return np.concatenate(parts)
 
 
 def _after(lanes: dict[str, SumoLane], name: str) -> Iterator[str]:

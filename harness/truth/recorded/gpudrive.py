@@ -8,14 +8,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from harness.common.errors import InputError
-from harness.common.untrusted_files import unpacked
 from harness.truth.frame import STEP_S
-from harness.truth.recorded.planetracks import MiddleLine, Way, traffic_of_ways
+from harness.truth.recorded.planetracks import MiddleLine, Scene, Way, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
@@ -23,23 +21,17 @@ MOST_RAD = 6.5
 
 
 def read_gpudrive(path: Path) -> ReadTraffic:
-    """Read a scene's vehicles and lanes.
+    """Read a scene's vehicles and lanes; see ``traffic_of_scene``."""
+    return traffic_of_scene(path, _scene, "scene of GPUDrive")
 
-    Raises:
-        InputError: It is no such file, or lacks what is needed.
-    """
-    try:
-        with unpacked(path) as file:
-            scene = json.load(file)
-        vehicles = {k: thing for k, thing in enumerate(scene["objects"]) if thing["type"] == "vehicle"}
-        unit = _heading_unit_rad(vehicles.values())
-        ways = [_way(str(k), vehicle, unit) for k, vehicle in vehicles.items()]
-        lines = {str(k): MiddleLine(_xy(lane["geometry"])) for k, lane in enumerate(scene["roads"]) if _is_lane(lane)}
-        others = len(scene["objects"]) - len(vehicles)
-    except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
-        what = f"{type(error).__name__} {str(error)[:100]}"
-        raise InputError(f"{path}: no scene of GPUDrive: {what}; give one as it wrote it") from None
-    return traffic_of_ways(ways, lines, path, {"no vehicle": others})
+
+def _scene(file: BinaryIO) -> Scene:
+    scene = json.load(file)
+    vehicles = {k: thing for k, thing in enumerate(scene["objects"]) if thing["type"] == "vehicle"}
+    unit = _heading_unit_rad(vehicles.values())
+    ways = [_way(str(k), vehicle, unit) for k, vehicle in vehicles.items()]
+    lines = {str(k): MiddleLine(_xy(lane["geometry"])) for k, lane in enumerate(scene["roads"]) if _is_lane(lane)}
+    return ways, lines, len(scene["objects"]) - len(vehicles)
 
 
 def _is_lane(road: Mapping[str, Any]) -> bool:

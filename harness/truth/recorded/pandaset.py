@@ -7,13 +7,13 @@ An excerpt comes with the project, see ``examples/NOTICE``.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import unpacked
-from harness.truth.recorded.planetracks import Way, traffic_of_ways
+from harness.truth.recorded.planetracks import Scene, Way, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic, unknown
 
 NUMBERS = ("timestamp", "yaw", "position.x", "position.y", "dimensions.x", "dimensions.y")
@@ -27,20 +27,15 @@ VEHICLES = frozenset(
 
 
 def read_pandaset(path: Path) -> ReadTraffic:
-    """Read a sequence, in the plane without a map.
+    """Read a sequence, in the plane without a map; see ``traffic_of_scene``."""
+    return traffic_of_scene(path, _scene, "table of PandaSet's cuboids")
 
-    Raises:
-        InputError: A column is missing, or a value is no number.
-    """
-    try:
-        with unpacked(path) as file:
-            table = pd.read_csv(file, dtype=str, keep_default_na=False)
-        missing = [name for name in COLUMNS if name not in table]
-        if missing:
-            raise InputError(f"{path}: the column {missing[0]} is missing; give PandaSet's cuboids, by its own names")
-        table = table.assign(**{name: pd.to_numeric(table[name]) for name in NUMBERS})
-    except (ValueError, pd.errors.ParserError) as error:
-        raise InputError(f"{path}: no table of PandaSet's cuboids: {error}") from None
+
+def _scene(file: BinaryIO) -> Scene:
+    table = pd.read_csv(file, dtype=str, keep_default_na=False)
+    if missing := [name for name in COLUMNS if name not in table]:
+        raise InputError(f"the column {missing[0]} is missing")
+    table = table.assign(**{name: pd.to_numeric(table[name]) for name in NUMBERS})
     vehicles = table[table["label"].isin(VEHICLES)]
     ways = [
         Way(
@@ -55,5 +50,4 @@ def read_pandaset(path: Path) -> ReadTraffic:
         )
         for name, rows in vehicles.groupby("uuid", sort=True)
     ]
-    others = table["uuid"].nunique() - len(ways)
-    return traffic_of_ways(ways, {}, path, {"no vehicle": others})
+    return ways, {}, table["uuid"].nunique() - len(ways)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.common.untrusted_files import unpacked
 from harness.truth.network.polyline import grid_origin, length_of
 from harness.truth.recorded.laneletgraph import plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet
@@ -58,6 +60,30 @@ class MiddleLine:
 
     xy: FloatArray
     width_m: float = USUAL_LANE_M
+
+
+Scene = tuple[Sequence[Way], Mapping[str, MiddleLine], int]
+"""Vehicles' ways, lanes by name, and how many other things there are."""
+
+
+def traffic_of_scene(path: Path, load: Callable[[BinaryIO], Scene], what: str) -> ReadTraffic:
+    """Read a file of a scene as another program wrote it.
+
+    Args:
+        path: The file.
+        load: Reads what it holds.
+        what: What it should be, for the message.
+
+    Raises:
+        InputError: It is no such file, or lacks what is needed; see ``traffic_of_ways``.
+    """
+    try:
+        with unpacked(path) as file:
+            ways, lines, others = load(file)
+    except Exception as error:  # a pickle fails in as many ways as there are bytes
+        told = str(error) if isinstance(error, InputError) else f"{type(error).__name__} {str(error)[:100]}"
+        raise InputError(f"{path}: no {what}: {told}; give one as it wrote it") from None
+    return traffic_of_ways(ways, lines, path, {"no vehicle": others})
 
 
 def traffic_of_ways(

@@ -9,14 +9,13 @@ import pickle
 from collections import OrderedDict, defaultdict
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import unpacked
 from harness.truth.network.polyline import length_of
-from harness.truth.recorded.planetracks import USUAL_LANE_M, MiddleLine, Way, traffic_of_ways
+from harness.truth.recorded.planetracks import USUAL_LANE_M, MiddleLine, Scene, Way, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.numerics.arrays import FloatArray
 
@@ -38,25 +37,18 @@ class _Plain(pickle.Unpickler):
 
 
 def read_scenarionet(path: Path) -> ReadTraffic:
-    """Read a scene's vehicles and lanes.
+    """Read a scene's vehicles and lanes, of a pickle that holds no more; see ``traffic_of_scene``."""
+    return traffic_of_scene(path, _scene, "scene of ScenarioNet")
 
-    Raises:
-        InputError: It is no such pickle, holds more than numbers, texts and containers, or lacks what is needed.
-    """
-    try:
-        with unpacked(path) as file:
-            scene = _Plain(file).load()
-        sdc = scene["metadata"].get("sdc_id")
-        vehicles = {name: track for name, track in scene["tracks"].items() if track["type"] == "VEHICLE"}
-        clock = np.asarray(scene["metadata"]["ts"], dtype=np.float64)[: int(scene["length"])]
-        ways = [_way("ego" if name == sdc else str(name), track["state"], clock) for name, track in vehicles.items()]
-        lines = {str(name): _line(lane) for name, lane in scene["map_features"].items() if _is_lane(lane)}
-        others = len(scene["tracks"]) - len(vehicles)
-    except InputError as error:
-        raise InputError(f"{path}: no scene of ScenarioNet: {error}; give one as it wrote it") from None
-    except Exception as error:  # a pickle fails in as many ways as there are bytes
-        raise InputError(f"{path}: no scene of ScenarioNet: {type(error).__name__} {str(error)[:100]}") from None
-    return traffic_of_ways(ways, lines, path, {"no vehicle": others})
+
+def _scene(file: BinaryIO) -> Scene:
+    scene = _Plain(file).load()
+    sdc = scene["metadata"].get("sdc_id")
+    vehicles = {name: track for name, track in scene["tracks"].items() if track["type"] == "VEHICLE"}
+    clock = np.asarray(scene["metadata"]["ts"], dtype=np.float64)[: int(scene["length"])]
+    ways = [_way("ego" if name == sdc else str(name), track["state"], clock) for name, track in vehicles.items()]
+    lines = {str(name): _line(lane) for name, lane in scene["map_features"].items() if _is_lane(lane)}
+    return ways, lines, len(scene["tracks"]) - len(vehicles)
 
 
 def _way(name: str, state: Mapping[str, Any], clock: FloatArray) -> Way:

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
 from harness.common.errors import InputError, RunError, SumoError
-from harness.truth.sumo.window import FIRST_ERROR, SumoWindow, open_window
+from harness.truth.sumo.window import STDERR, SumoWindow, first_error, open_window, written
 
 FIRST_VEHICLE_WITHIN_S = 900.0
 """How long a truth from SUMO waits for its first vehicle."""
@@ -66,24 +66,16 @@ def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = F
     if libsumo.isLoaded():
         raise RunError("a SUMO simulation is open already; a process can hold one at a time")
     with TemporaryDirectory(prefix="harness-sumo-") as folder:
-        complaints = Path(folder) / "stderr"
         try:
-            with _silent_native_streams(complaints):
+            with _silent_native_streams(Path(folder) / STDERR):
                 libsumo.start(["sumo", *arguments, *fixed, *QUIET])
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             if isinstance(error, libsumo.TraCIException):
                 stop_sumo(libsumo)
-            reason = _first_complaint(complaints) or _one_line(error)
+            reason = first_error(written(Path(folder))) or _one_line(error)
             raise InputError(f"`net`: SUMO refuses the input: {reason}") from error
     sumo: Sumo = libsumo
     return sumo
-
-
-def _first_complaint(log: Path) -> str:
-    """Return the first error that SUMO has written; its own exceptions often say no more than that there was one."""
-    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
-    found = FIRST_ERROR.search(text)
-    return " ".join(found.group(1).split())[:400] if found else ""
 
 
 @contextmanager

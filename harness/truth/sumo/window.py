@@ -9,7 +9,6 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout, suppress
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -34,6 +33,7 @@ SKY_BLUE, YELLOW = (86, 180, 233), (255, 255, 0)
 SHOWN_AROUND_EGO_M = 60.0
 # SUMO indents the further lines of a message.
 FIRST_ERROR = re.compile(r"^Error: (.*(?:\n .*)*)", re.MULTILINE)
+LOG, STDERR = "errors.log", "stderr"
 INSTALL = "pip install '.[networks]'"
 
 
@@ -73,10 +73,11 @@ def open_window(arguments: Sequence[str]) -> SumoWindow:
     from traci.main import getFreeSocketPort  # noqa: PLC0415
 
     port = getFreeSocketPort()
-    complaints = Complaints(TemporaryDirectory(prefix="sumo-gui-"))
-    with complaints.stderr.open("wb") as stderr:
+    complaints = TemporaryDirectory(prefix="sumo-gui-")
+    folder = Path(complaints.name)
+    with (folder / STDERR).open("wb") as stderr:
         process = subprocess.Popen(
-            [str(program), *arguments, *OPTIONS, "--error-log", str(complaints.log), "--remote-port", str(port)],
+            [str(program), *arguments, *OPTIONS, "--error-log", str(folder / LOG), "--remote-port", str(port)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=stderr,
@@ -85,46 +86,25 @@ def open_window(arguments: Sequence[str]) -> SumoWindow:
             start_new_session=True,
         )
     try:
-        return SumoWindow(_connect(port, process, complaints), process, complaints)
+        return SumoWindow(_connect(port, process, folder), process, complaints)
     except BaseException:
         process.kill()
         process.wait()
-        complaints.folder.cleanup()
+        complaints.cleanup()
         raise
 
 
-@dataclass(frozen=True)
-class Complaints:
-    """What sumo-gui has written before it ended: to its log once it reads files, to its standard error before.
+def written(folder: Path) -> str:
+    """Return what SUMO has written into files of a folder: to its log once it reads files, before to standard error."""
+    files = (folder / name for name in (LOG, STDERR))
+    texts = (file.read_text(encoding="utf-8", errors="replace").rstrip() for file in files if file.is_file())
+    return "\n".join(texts).strip()
 
-    Attributes:
-        folder: Where both files are.
-    """
 
-    folder: TemporaryDirectory[str]
-
-    @property
-    def log(self) -> Path:
-        """The log of errors."""
-        return Path(self.folder.name) / "errors.log"
-
-    @property
-    def stderr(self) -> Path:
-        """What goes to standard error."""
-        return Path(self.folder.name) / "stderr"
-
-    def first_error(self) -> str:
-        """Return the first error, its further lines included, without the word; empty if there is none."""
-        found = FIRST_ERROR.search(self._text())
-        return " ".join(found.group(1).split()) if found else ""
-
-    def last_line(self) -> str:
-        """Return the last line; empty if there is none."""
-        return next(reversed(self._text().split("\n")), "")
-
-    def _text(self) -> str:
-        files = [path for path in (self.log, self.stderr) if path.is_file()]
-        return "\n".join(path.read_text(encoding="utf-8", errors="replace").rstrip() for path in files).strip()
+def first_error(text: str) -> str:
+    """Return the first error that SUMO has written, its further lines included, without the word; empty for none."""
+    found = FIRST_ERROR.search(text)
+    return " ".join(found.group(1).split())[:400] if found else ""
 
 
 class SumoWindow:
@@ -136,8 +116,10 @@ class SumoWindow:
         FatalTraCIError: Raised where the window is gone.
     """
 
-    def __init__(self, connection: Connection, process: subprocess.Popen[bytes], complaints: Complaints) -> None:
-        """Take over a process, the connection to it, and what it complains of."""
+    def __init__(
+        self, connection: Connection, process: subprocess.Popen[bytes], complaints: TemporaryDirectory[str]
+    ) -> None:
+        """Take over a process, the connection to it, and the folder of what it complains of."""
         # libsumo puts a class of its own into traci.exceptions; what a connection raises is its module's.
         from traci.connection import FatalTraCIError, TraCIException  # noqa: PLC0415
 
@@ -178,7 +160,7 @@ class SumoWindow:
             self._process.wait()
         finally:
             force.cancel()
-            self._complaints.folder.cleanup()
+            self._complaints.cleanup()
 
     def follow(self, vehicle_id: str) -> None:
         """Move along with a vehicle, the ego, and paint it in a colour of its own."""
@@ -198,7 +180,8 @@ class SumoWindow:
         """Return in words why the window does not answer any more."""
         with suppress(subprocess.TimeoutExpired):
             if code := self._process.wait(CLOSE_WITHIN_S):
-                return f"sumo-gui ended with exit code {code}: {self._complaints.first_error()}".removesuffix(": ")
+                error = first_error(written(Path(self._complaints.name)))
+                return f"sumo-gui ended with exit code {code}: {error}".removesuffix(": ")
             return "the window of sumo-gui was closed"
         return "sumo-gui no longer answers"
 
@@ -208,7 +191,7 @@ def _program_in(package: Path) -> Path | None:
     return next((program for program in programs if program.is_file()), None)
 
 
-def _connect(port: int, process: subprocess.Popen[bytes], complaints: Complaints) -> Connection:
+def _connect(port: int, process: subprocess.Popen[bytes], complaints: Path) -> Connection:
     """Return the connection to sumo-gui as soon as it takes one.
 
     Raises:
@@ -225,7 +208,8 @@ def _connect(port: int, process: subprocess.Popen[bytes], complaints: Complaints
     except (traci.TraCIException, traci.FatalTraCIError, OSError):
         with suppress(subprocess.TimeoutExpired):
             process.wait(CLOSE_WITHIN_S)
-        if error := complaints.first_error():
+        text = written(complaints)
+        if error := first_error(text):
             raise InputError(f"`net`: SUMO refuses the input: {error}") from None
-        raise InputError(f"`gui`: sumo-gui does not open: {complaints.last_line() or 'it does not answer'}") from None
+        raise InputError(f"`gui`: sumo-gui does not open: {text.split(chr(10))[-1] or 'it does not answer'}") from None
     return connection

@@ -21,7 +21,7 @@ from harness.commands.app import run_command_line
 from harness.common.errors import InputError, RunError
 from harness.truth.sumo import window
 from harness.truth.sumo.session import sumo_errors_in_words
-from harness.truth.sumo.window import Complaints, SumoWindow, check_window, has_screen
+from harness.truth.sumo.window import LOG, SumoWindow, check_window, has_screen
 
 traci = pytest.importorskip("traci", reason="traci speaks to sumo-gui")
 XVFB = shutil.which("Xvfb")
@@ -97,8 +97,8 @@ def test_sumo_gui_of_another_version_is_refused_for_it_drives_other_traffic(scre
 
 
 def window_that_ended(exit_code: int, errors: str = "") -> SumoWindow:
-    complaints = Complaints(TemporaryDirectory())
-    complaints.log.write_text(errors)
+    complaints = TemporaryDirectory()
+    (Path(complaints.name) / LOG).write_text(errors)
     domains = dict.fromkeys(("vehicle", "person", "lane", "edge", "route", "simulation", "trafficlight", "gui"))
     return SumoWindow(
         SimpleNamespace(**domains, close=lambda wait: None),
