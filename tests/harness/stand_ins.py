@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, Tracks
+from tests.harness.closedloop.frames import frame_of
 
 
 def track(looks, build, seed, watchers=(), times=None) -> RunTables:
@@ -54,22 +55,10 @@ class SteadyTraffic:
         for step in range(self.steps):
             if step == self.fail_at:
                 raise RuntimeError("the traffic broke")
-            yield Frame(
-                step=step,
-                time_s=round(step * self.step_s, 1),
-                episode=step // self.ego_stay,
-                ego=(step // self.ego_stay) % count,
-                vehicle_id=np.array([f"car{k}" for k in range(count)]),
-                lon_m=start + speed * step * self.step_s,
-                lat_m=(3 - lane + 0.5) * 3.66,
-                heading_rad=np.zeros(count),
-                speed_mps=speed,
-                lat_speed_mps=np.zeros(count),
-                accel_mps2=np.zeros(count),
-                lane=lane,
-                length_m=np.full(count, 4.5),
-                width_m=np.full(count, 1.8),
-            )
+            names, lon_m = [f"car{k}" for k in range(count)], start + speed * step * self.step_s
+            frame = frame_of(lon_m, (3 - lane + 0.5) * 3.66, speed, step, names, lane=lane)
+            stay = step // self.ego_stay
+            yield replace(frame, time_s=round(step * self.step_s, 1), episode=stay, ego=stay % count)
 
     def close(self) -> None:
         self.closed = True

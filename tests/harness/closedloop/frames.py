@@ -1,4 +1,4 @@
-"""Frames of a few vehicles for the tests of the closed loop; the first is the ego."""
+"""Frames of a few vehicles for tests; the first is the ego."""
 
 import numpy as np
 

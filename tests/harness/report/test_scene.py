@@ -10,10 +10,10 @@ from matplotlib.patches import Ellipse
 from harness.report.scene import Scene, draw_scene, legend_entries, scene_figure
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
-from harness.truth.frame import Frame
 from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.map.road import Lane
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
+from tests.harness.closedloop.frames import frame_of
 
 
 def jam(seed=4, count=34):
@@ -23,22 +23,10 @@ def jam(seed=4, count=34):
     lon += rng.uniform(-8, 8, count)
     ego = int(np.argmin(np.abs(lon - 300.0) + 5.0 * np.abs(lane - 2)))
     truck = rng.random(count) < 0.1
-    return Frame(
-        step=0,
-        time_s=0.0,
-        episode=0,
-        ego=ego,
-        vehicle_id=np.array([f"car{i}" for i in range(count)]),
-        lon_m=lon,
-        lat_m=(lane + 0.5) * 3.66 + rng.normal(0, 0.2, count),
-        heading_rad=rng.normal(0, 0.01, count),
-        speed_mps=np.full(count, 12.0),
-        lat_speed_mps=np.zeros(count),
-        accel_mps2=np.zeros(count),
-        lane=5 - lane,
-        length_m=np.where(truck, 14.0, 4.7),
-        width_m=np.where(truck, 2.5, 1.9),
-    )
+    lat, heading = (lane + 0.5) * 3.66 + rng.normal(0, 0.2, count), rng.normal(0, 0.01, count)
+    size = {"length_m": np.where(truck, 14.0, 4.7), "width_m": np.where(truck, 2.5, 1.9)}
+    frame = frame_of(lon, lat, np.full(count, 12.0), heading_rad=heading, lane=5 - lane, **size)
+    return replace(frame, ego=ego, vehicle_id=np.array([f"car{i}" for i in range(count)]))
 
 
 def observed(frame, road):

@@ -9,9 +9,9 @@ import pytest
 from harness.config.sensor import SensorSettings
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.memory import SensorMemory
-from harness.truth.frame import Frame
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_area import lanes_over, mean_lane_area_m2
+from tests.harness.closedloop.frames import frame_of as frame_of_cars
 from tests.mmpf.map.scenes import graph_of
 
 CROSS = graph_of({"east": [(-150.0, 0.0), (150.0, 0.0)], "north": [(0.0, -150.0), (0.0, 150.0)]}, width_m=4.0)
@@ -21,22 +21,8 @@ QUIET = {"clutter_per_scan": 0.0, "reported_spread": 0.0, "detection_probability
 
 def frame_of(x, y, heading_rad, speed_mps=10.0, step=0):
     """Return an ego at the origin that points east and one vehicle."""
-    return Frame(
-        step=step,
-        time_s=0.1 * step,
-        episode=0,
-        ego=0,
-        vehicle_id=np.array(["ego", "car"]),
-        lon_m=np.array([0.0, x]),
-        lat_m=np.array([0.0, y]),
-        heading_rad=np.array([0.0, heading_rad]),
-        speed_mps=np.array([10.0, speed_mps]),
-        lat_speed_mps=np.zeros(2),
-        accel_mps2=np.zeros(2),
-        lane=np.zeros(2, dtype=np.int64),
-        length_m=np.full(2, 4.7),
-        width_m=np.full(2, 1.9),
-    )
+    columns = {"heading_rad": [0.0, heading_rad], "length_m": [4.7, 4.7], "width_m": [1.9, 1.9], "lane": [0, 0]}
+    return frame_of_cars([0.0, x], [0.0, y], [10.0, speed_mps], step, ["ego", "car"], **columns)
 
 
 def looked(settings, frames, seed=0):

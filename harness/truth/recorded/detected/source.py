@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from harness.common.errors import InputError
 from harness.truth.frame import STEP_S, Frame
@@ -68,63 +70,59 @@ class DriveOnClock:
             drive: The drive.
             first_lane: Number of its first lane among those of all drives.
         """
-        self.drive = drive
-        self._label_starts = step_starts(drive.labels.step, len(drive.ego))
-        self._given_starts = step_starts(drive.given.step, len(drive.ego))
+        labels, ego = drive.labels, drive.ego
+        self.drive, self.motion = drive, motion_of(labels)
+        self._given_starts = step_starts(drive.given.step, len(ego))
         self._origin = origins(drive)
-        self.motion = motion_of(drive.labels)
-        self._unseen = unseen(drive.labels, self._origin)
-        self._lane, self._ego_lane = lane_numbers(drive, first_lane)
-        ego = drive.ego
+        label_starts = step_starts(labels.step, len(ego))
+        # The ego comes before the labels of each step.
+        self._starts, self._label_starts = label_starts + np.arange(len(ego) + 1), label_starts
         alone = np.zeros(len(ego), dtype=np.int64)
         x_speed, y_speed = local_slope(ego.x_m, alone), local_slope(ego.y_m, alone)
-        self._ego_speed = x_speed * np.cos(ego.heading_rad) + y_speed * np.sin(ego.heading_rad)
-        self._ego_accel = local_slope(self._ego_speed, alone)
+        ego_speed = x_speed * np.cos(ego.heading_rad) + y_speed * np.sin(ego.heading_rad)
+        lane, ego_lane = lane_numbers(drive, first_lane)
+
+        def column(of_labels: npt.NDArray[Any], of_ego: npt.NDArray[Any] | float) -> npt.NDArray[Any]:
+            return np.insert(of_labels, label_starts[:-1], of_ego)
+
+        self._columns = {
+            "vehicle_id": np.append(drive.names, EGO)[column(labels.thing, len(drive.names))],
+            "lon_m": column(labels.x_m, ego.x_m),
+            "lat_m": column(labels.y_m, ego.y_m),
+            "heading_rad": column(labels.heading_rad, ego.heading_rad),
+            "direction_rad": column(labels.heading_rad, ego.heading_rad),
+            "speed_mps": column(self.motion.speed_mps, ego_speed),
+            "lat_speed_mps": column(self.motion.lat_speed_mps, 0.0),
+            "accel_mps2": column(self.motion.accel_mps2, local_slope(ego_speed, alone)),
+            "lane": column(lane, ego_lane),
+            "length_m": column(labels.length_m, EGO_SIZE_M[0]),
+            "width_m": column(labels.width_m, EGO_SIZE_M[1]),
+            "parked": column(self.motion.parked, False),
+        }
+        self._known = {
+            "counts": column(labels.counts, True),
+            "covered": column(labels.covered, False),
+            "unseen": column(unseen(labels, self._origin), False),
+        }
 
     def frame(self, own_step: int, step: int, episode: int) -> Frame:
         """Return the truth of one of the drive's steps, the ego first."""
-        rows = self._rows(own_step)
-        labels, motion, ego = self.drive.labels, self.motion, self.drive.ego
-
-        def column(of_ego: float, of_others: FloatArray) -> FloatArray:
-            return np.concatenate([[of_ego], of_others[rows]])
-
-        heading = column(float(ego.heading_rad[own_step]), labels.heading_rad)
-        return Frame(
-            step=step,
-            time_s=round(step * STEP_S, 6),
-            episode=episode,
-            ego=0,
-            vehicle_id=np.concatenate([[EGO], self.drive.names[labels.thing[rows]]]),
-            lon_m=column(float(ego.x_m[own_step]), labels.x_m),
-            lat_m=column(float(ego.y_m[own_step]), labels.y_m),
-            heading_rad=heading,
-            speed_mps=column(float(self._ego_speed[own_step]), motion.speed_mps),
-            lat_speed_mps=column(0.0, motion.lat_speed_mps),
-            accel_mps2=column(float(self._ego_accel[own_step]), motion.accel_mps2),
-            lane=np.concatenate([self._ego_lane[own_step : own_step + 1], self._lane[rows]]),
-            length_m=column(EGO_SIZE_M[0], labels.length_m),
-            width_m=column(EGO_SIZE_M[1], labels.width_m),
-            direction_rad=heading,
-            parked=np.concatenate([[False], motion.parked[rows]]),
-        )
+        columns: dict[str, Any] = {name: values[self._rows(own_step)] for name, values in self._columns.items()}
+        return Frame(step=step, time_s=round(step * STEP_S, 6), episode=episode, ego=0, **columns)
 
     def moment(self, own_step: int) -> Moment:
         """Return what else is known of one of the drive's steps; arrays begin with the ego where the frame's do."""
-        rows, labels = self._rows(own_step), self.drive.labels
         given = slice(int(self._given_starts[own_step]), int(self._given_starts[own_step + 1]))
         origin = self._origin[given]
         return Moment(
-            counts=np.concatenate([[True], labels.counts[rows]]),
-            covered=np.concatenate([[False], labels.covered[rows]]),
-            unseen=np.concatenate([[False], self._unseen[rows]]),
+            **{name: values[self._rows(own_step)] for name, values in self._known.items()},
             given=self.drive.given.take(np.arange(given.start, given.stop)),
-            origin=np.where(origin == NOTHING, NOTHING, origin - rows.start + 1),
+            origin=np.where(origin == NOTHING, NOTHING, origin - int(self._label_starts[own_step]) + 1),
             drawn=self.drive.drawn,
         )
 
     def _rows(self, own_step: int) -> slice:
-        return slice(int(self._label_starts[own_step]), int(self._label_starts[own_step + 1]))
+        return slice(int(self._starts[own_step]), int(self._starts[own_step + 1]))
 
     @property
     def vehicles(self) -> int:

@@ -5,22 +5,15 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.lab.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields, fields_from_frames, read_fields
-from harness.truth.frame import Frame
+from tests.harness.closedloop.frames import frame_of
 
 STEP_S = 0.1
 
 
 def frame(step, front_m, speed_mps, lane=None):
-    count = len(front_m)
-    zeros = np.zeros(count)
-    return Frame(
-        step=step, time_s=step * STEP_S, episode=0, ego=-1,
-        vehicle_id=np.array([str(k) for k in range(count)], dtype=np.str_),
-        lon_m=np.array(front_m, dtype=float) - 2.0, lat_m=zeros, heading_rad=zeros,
-        speed_mps=np.array(speed_mps, dtype=float), lat_speed_mps=zeros, accel_mps2=zeros,
-        lane=np.ones(count, dtype=np.int64) if lane is None else np.array(lane),
-        length_m=np.full(count, 4.0), width_m=np.full(count, 2.0),
-    )  # fmt: skip
+    sizes = {"length_m": np.full(len(front_m), 4.0), "width_m": np.full(len(front_m), 2.0)}
+    lanes = {} if lane is None else {"lane": lane}
+    return frame_of(np.array(front_m) - 2.0, np.zeros(len(front_m)), speed_mps, step, **sizes, **lanes)
 
 
 def column(speed_mps, spacing_m, steps=100, cells=20):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from harness.lab.fidelity.samples import UNITS, Sampler, Samples, VehicleStatistics, merged
-from harness.truth.frame import Frame
+from tests.harness.closedloop.frames import frame_of
 
 STEP_S = 0.1
 WINDOW = (0.0, 1000.0)
@@ -14,12 +14,8 @@ def frame(step, vehicles):
     """Make a frame of rows (name, lon, speed, lane, lateral speed)."""
     names, lon, speed, lane, drift = (list(column) for column in zip(*vehicles, strict=True))
     zeros = np.zeros(len(names))
-    return Frame(
-        step=step, time_s=step * STEP_S, episode=0, ego=-1, vehicle_id=np.array(names, dtype=np.str_),
-        lon_m=np.array(lon, dtype=float), lat_m=zeros, heading_rad=zeros,
-        speed_mps=np.array(speed, dtype=float), lat_speed_mps=np.array(drift, dtype=float), accel_mps2=zeros + 0.5,
-        lane=np.array(lane), length_m=zeros + 4.5, width_m=zeros + 1.9,
-    )  # fmt: skip
+    more = {"lat_speed_mps": np.array(drift, dtype=float), "accel_mps2": zeros + 0.5, "width_m": zeros + 1.9}
+    return frame_of(lon, zeros, speed, step, names, lane=lane, **more)
 
 
 def samples_of(frames):
