@@ -50,10 +50,6 @@ _BUILT_IN = {
         "rivals.oc_sort:build_oc_sort", "rivals.oc_sort:OcSortOptions",
         "box-kalman's filters with the momentum, recovery and re-update of OC-SORT",
     ),
-    "imm-gnn": (
-        "rivals.imm_gnn:build_imm_gnn", "rivals.imm_gnn:ImmGnnOptions",
-        "interacting models (constant velocity; constant turn rate and acceleration), global nearest neighbour",
-    ),
     "pmbm": (
         "rivals.pmbm.tracker:build_pmbm", "rivals.pmbm.tracker:PmbmOptions",
         "Poisson multi-Bernoulli mixture filter with an occlusion model",

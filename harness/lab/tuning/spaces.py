@@ -120,16 +120,6 @@ SEARCH_SPACES: dict[str, Space] = {
         "momentum_s": _ratio(0.1, 1.5),
         **_BOXES,
     },
-    "imm-gnn": {
-        "accel_std_mps2": _ratio(0.3, 5.0),
-        "turn_std_rad_per_s": _ratio(0.02, 0.5),
-        "longest_unseen_s": _ratio(0.5, 15.0),
-        "gate_std": Range(3.0, 7.0),
-        **_BELIEF,
-        **_NOISE,
-        **_BIRTH,
-        **_DOUBTFUL,
-    },
     "pmbm": {
         "shadow_aware": (True, False),
         "newcomer_share": _ratio(0.001, 0.5),

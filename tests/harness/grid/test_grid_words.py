@@ -49,10 +49,10 @@ def test_what_is_wrong_with_a_grid_is_told_with_its_option_and_the_fix(asked, op
 
 def test_exactly_a_hundred_thousand_runs_are_allowed(monkeypatch):
     monkeypatch.setattr(planning, "MOST_RUNS", 2 * 3 * 2 * 2)
-    asked = {"densities": "10,20", "seeds": "3", "vary": ("sensor.range_m=40,60",), "trackers": "pmbm,imm-gnn"}
+    asked = {"densities": "10,20", "seeds": "3", "vary": ("sensor.range_m=40,60",), "trackers": "pmbm,oc-sort"}
     assert len(plan_grid(GridRequest(**asked)).runs) == 24
     with pytest.raises(InputError, match="the grid has 36 runs"):
-        plan_grid(GridRequest(**asked | {"trackers": "pmbm,imm-gnn,box-kalman"}))
+        plan_grid(GridRequest(**asked | {"trackers": "pmbm,oc-sort,box-kalman"}))
 
 
 def test_the_runs_of_a_grid_stand_in_this_order_with_these_settings():

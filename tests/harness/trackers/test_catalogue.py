@@ -80,7 +80,7 @@ def test_only_the_oracle_is_told_the_association():
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(
         InputError,
-        match=r"`tracker` kalmann: unknown; choose one of box-kalman, detections, imm-gnn, immortal-kalman, mmpf, ",
+        match=r"`tracker` kalmann: unknown; choose one of box-kalman, detections, immortal-kalman, mmpf, ",
     ):
         build_tracker("kalmann", setting(), {})
 

@@ -24,7 +24,6 @@ NAMES = ("oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "immortal-kalman")
         "immortal-kalman",
         "box-kalman",
         "oc-sort",
-        "imm-gnn",
         "pmbm",
     ],
 )

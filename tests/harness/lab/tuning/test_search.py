@@ -272,7 +272,7 @@ RECORDINGS = ({"density": 20.0, "seed": 100, "duration_s": 20.0, "sensor": "lida
 
 def test_the_written_outcome_reads_back_and_leaves_other_trackers_alone(tmp_path: Path):
     path = tmp_path / "tuned.toml"
-    path.write_text("# tuned\n\n[imm-gnn]\nbudget = 2\n")
+    path.write_text("# tuned\n\n[oc-sort]\nbudget = 2\n")
     space = {"lon_noise": Range(0.5, 2.0), "stitching.margin_m": Range(1.0, 9.0), "association": ("overlap", "other")}
     for value in (1.0, 2.0):
         trials = [
@@ -286,7 +286,7 @@ def test_the_written_outcome_reads_back_and_leaves_other_trackers_alone(tmp_path
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     stitched = tables["stonesoup-jpda-stitched"]
     assert path.read_text().startswith("# tuned\n")
-    assert tables["imm-gnn"] == {"budget": 2}
+    assert tables["oc-sort"] == {"budget": 2}
     assert stitched["options"] == {"lon_noise": 2.0, "stitching": {"margin_m": 5.0}, "association": "other"}
     assert (stitched["objective_before"], stitched["objective"], stitched["budget"]) == (1.0, 91.0, 4)
     assert (stitched["recordings"], stitched["command"]) == (list(RECORDINGS), "python -m x")
@@ -313,10 +313,10 @@ def test_the_committed_outcome_is_the_best_of_its_own_trials_on_tuning_seeds():
         assert {recording["density"] for recording in flowing} == {20.0, 45.0}
 
 
-def test_pmbm_imm_gnn_and_whoever_doubts_were_tuned_on_broken_down_vehicles_and_keep_nine_in_ten():
+def test_pmbm_and_whoever_doubts_were_tuned_on_broken_down_vehicles_and_keep_nine_in_ten():
     tables = tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))
     doubting = {name for name, table in tables.items() if table.get("options", {}).get("doubtful", {}).get("on")}
-    for table in (tables[name] for name in doubting | {"pmbm", "imm-gnn"}):
+    for table in (tables[name] for name in doubting | {"pmbm"}):
         assert {0, 1, 3} == {recording["broken_down"] for recording in table["recordings"]}
         assert table["stopped_recall"] >= 90.0
         assert table["at_an_end"] == []

@@ -157,8 +157,8 @@ def test_a_recording_is_followed_by_the_tracker_with_its_options_and_none_of_its
     looks = looking_at(SteadyTraffic(steps=8, cars_per_lane=2))(search.RunConfig()).kept()
     monkeypatch.setattr(search, "_looks", lambda recording: looks if recording == RECORDINGS[1] else None)
     options = {"confirm_detections": 2, "doubtful.on": True}
-    scores = follow("imm-gnn", options, RECORDINGS[1])
-    build = partial(build_tracker, "imm-gnn", options=nested(options), tuned=False)
+    scores = follow("oc-sort", options, RECORDINGS[1])
+    build = partial(build_tracker, "oc-sort", options=nested(options), tuned=False)
     tables = track(looks, build, 101)
     expected = score_run(tables.truth, tables.detections, tables.tracks, 101).metrics
     assert scores == scores_of(expected)
