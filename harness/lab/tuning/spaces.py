@@ -1,8 +1,7 @@
 """What the search for each tracker's settings may change: a range of numbers or a few values for each setting.
 
-Keys are dotted, as below ``tracker.options``. The search begins at the trackers' own defaults and goes on from the
-settings that an earlier one found. Settings of a group with a switch, ``doubtful.on``, are searched only while it is
-on.
+Keys are dotted, as below ``tracker.options``. Settings of a group with a switch, ``doubtful.on``,
+are searched only while it is on.
 """
 
 from __future__ import annotations
@@ -25,10 +24,6 @@ class Range(NamedTuple):
     high: float
     log: bool = False
     whole: bool = False
-
-    def holds(self, value: Value) -> bool:
-        """Return whether a value lies in it."""
-        return isinstance(value, int | float) and self.low <= value <= self.high
 
     def end_near(self, value: float) -> str | None:
         """Return the end, ``low`` or ``high``, within 5 % of which a value lies."""
@@ -148,25 +143,12 @@ def space_of(tracker: str) -> dict[str, Range | Choices]:
 
 
 def starts_of(tracker: str) -> list[Options]:
-    """Return where a tracker's search begins: the defaults, what was found before, and that with switches on or off."""
-    space, defaults = space_of(tracker), default_options(tracker)
-    switches = [key for key in space if key.endswith(".on")]
+    """Return where a tracker's search begins: its defaults, and what was found before."""
+    fields, space = dict(fields_of(tracker_options(tracker))), space_of(tracker)
+    defaults = {key: fields[key].get_default() for key in space}
+    known = {key: value for key, value in defaults.items() if value is not None}
     found = {key: value for key, value in flat(tuned_options(tracker)).items() if key in space}
-    before = {key: defaults[key] for key in switches} | found if found else defaults
-    switched_on, off = (before | dict.fromkeys(switches, value) for value in (True, False))
-    switched_off = {key: value for key, value in off.items() if is_searched(key, off)}
-    starts: list[Options] = []
-    for start in (defaults, before, switched_on, switched_off):
-        if start not in starts:
-            starts.append(start)
-    return starts
-
-
-def default_options(tracker: str) -> Options:
-    """Return the defaults of the settings in a tracker's space that are searched then."""
-    fields = dict(fields_of(tracker_options(tracker)))
-    defaults = {key: fields[key].get_default() for key in space_of(tracker)}
-    return {key: value for key, value in defaults.items() if value is not None and is_searched(key, defaults)}
+    return [known, known | found] if found else [known]
 
 
 def is_searched(key: str, options: Mapping[str, Value]) -> bool:
