@@ -56,7 +56,6 @@ PANELS = {
         "study": "Repeat the paper's cases; test whether the models transfer to real roads.",
         "bench": "Measure the computing time of trackers.",
         "check-tracker": "Check that your own tracker (Python or a program) meets the tracker interface.",
-        "reference": "Compute a reference table from a clean checkout, or check one.",
     },
     "Models and traffic": {
         "train": "Fit and select the behaviour model.",

@@ -1,1 +1,0 @@
-"""Reference tables: which there are, and how each is made by one command."""
