@@ -140,9 +140,9 @@ def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: n
         frame, seen = look.frame, look.observation
         step_s = memory.begin_scan(rng, frame.episode, frame.time_s)
         sight = sight_to(frame.lon_m, frame.lat_m, road, frame.ego_pose, road.axis_of(frame.heading_rad))
-        scene = Scene(frame, road, sight, seen.visible_fraction, seen.occluder, seen.in_range)
-        flashes = flashing_returns(sensor, memory, scene, rng)
-        values = np.concatenate([flashes.values, standing_returns(sensor, memory, scene, step_s).values])
+        scene = Scene(sensor, frame, road, sight, seen.visible_fraction, seen.occluder, seen.in_range)
+        flashes = flashing_returns(memory, scene, rng)
+        values = np.concatenate([flashes.values, standing_returns(memory, scene, step_s).values])
         made = _like(detections_from(sensor, values, road), seen.scan.detections)
         detections = joined(seen.scan.detections, made)
         order = rng.permutation(len(detections))

@@ -63,9 +63,9 @@ class RayedSensor:
         step_s = self.memory.begin_scan(rng, frame.episode, frame.time_s)
         scene, behind_walls = view_of(self.settings, frame, road)
         fraction, occluder, in_range = scene.fraction, scene.occluder, scene.in_range
-        returns = vehicle_returns(self.settings, self.memory, scene, step_s, rng)
-        flashes = flashing_returns(self.settings, self.memory, scene, rng)
-        standing = standing_returns(self.settings, self.memory, scene, step_s)
+        returns = vehicle_returns(self.memory, scene, step_s, rng)
+        flashes = flashing_returns(self.memory, scene, rng)
+        standing = standing_returns(self.memory, scene, step_s)
         origin = np.concatenate([returns.origin, flashes.origin, standing.origin])
         order = rng.permutation(len(origin))
         origin = origin[order]
@@ -132,7 +132,7 @@ def view_of(settings: SensorSettings, frame: Frame, road: Road) -> tuple[Scene, 
         in_range &= ~frame.pedestrian
     in_range[frame.ego] = True
     fraction, occluder, behind_walls = visibility_of(frame, road, ego, in_range, settings.range_m)
-    return Scene(frame, road, sight, fraction, occluder, in_range), behind_walls
+    return Scene(settings, frame, road, sight, fraction, occluder, in_range), behind_walls
 
 
 def visibility_of(

@@ -27,6 +27,8 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, turned,
 
 CLUTTER_SPEED_MPS = (0.0, 40.0)
 SPEED_NORMAL, REPORT_NORMALS = 4, 6
+Measured = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""Longitudinal and lateral positions, directions of boxes, speeds, each (n,), and sizes."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,9 @@ class Returns:
     origin: IntArray
 
 
-def vehicle_returns(
-    settings: SensorSettings, memory: SensorMemory, scene: Scene, step_s: float, rng: np.random.Generator
-) -> Returns:
+def vehicle_returns(memory: SensorMemory, scene: Scene, step_s: float, rng: np.random.Generator) -> Returns:
     """Return the detections of real vehicles, and remember how they stand."""
-    frame, sight, fraction = scene.frame, scene.sight, scene.fraction
+    settings, frame, sight, fraction = scene.settings, scene.frame, scene.sight, scene.fraction
     count = len(frame)
     chance = rng.random(count)
     white = rng.standard_normal((count, NORMALS))
@@ -62,17 +62,18 @@ def vehicle_returns(
     # A vehicle's own factor thins its detections scan by scan; runs of misses stay as they are for all.
     factor = detectabilities(settings, memory, frame)
     origin = np.flatnonzero((chance < factor * (probability / (1.0 - misses.share))) & ~gone)
-    boxes = _boxes(settings, scene, now, origin)
+    boxes = _boxes(scene, now, origin)
     normals = np.where(boxes.second[:, None], of_second[boxes.origin], white[boxes.origin])
-    drifts = _drifting(settings) * drift[boxes.origin] + _renewed(settings) * normals
+    share = _drifting(settings)
+    drifts = share * drift[boxes.origin] + np.sqrt(1.0 - share**2) * normals
     reports = reports[boxes.origin + count * boxes.second]
     named = np.where(boxes.second, -1, boxes.origin)
-    return _measured(settings, scene, boxes, named, (drifts, reports))
+    return _measured(scene, boxes, named, (drifts, reports))
 
 
-def _boxes(settings: SensorSettings, scene: Scene, now: VehicleMemory, origin: IntArray) -> Boxes:
+def _boxes(scene: Scene, now: VehicleMemory, origin: IntArray) -> Boxes:
     """Return what the detector takes for vehicles of those that it detects."""
-    frame, fraction = scene.frame, scene.fraction
+    settings, frame, fraction = scene.settings, scene.frame, scene.fraction
     lon, lat, length, width = (column[origin] for column in (frame.lon_m, frame.lat_m, frame.length_m, frame.width_m))
     whole = Boxes(origin, lon, lat, length, width, scene.axis_rad[origin], np.zeros(len(origin), dtype=np.bool_))
     boxes = merged(settings, whole, now.merged[origin] > 0.0, fraction[origin])
@@ -88,21 +89,13 @@ def _boxes(settings: SensorSettings, scene: Scene, now: VehicleMemory, origin: I
 
 def _drifting(settings: SensorSettings) -> FloatArray:
     """Return the deviation of the share that drifts of each of a vehicle's standard normal errors."""
-    share = np.full(NORMALS, np.sqrt(settings.bias_share))
-    share[SPEED_NORMAL] = 0.0
-    return share
+    return np.where(np.arange(NORMALS) == SPEED_NORMAL, 0.0, np.sqrt(settings.bias_share))
 
 
-def _renewed(settings: SensorSettings) -> FloatArray:
-    return np.asarray(np.sqrt(1.0 - _drifting(settings) ** 2))
-
-
-def _measured(
-    settings: SensorSettings, scene: Scene, boxes: Boxes, named: IntArray, normals: tuple[FloatArray, FloatArray]
-) -> Returns:
+def _measured(scene: Scene, boxes: Boxes, named: IntArray, normals: tuple[FloatArray, FloatArray]) -> Returns:
     """Return boxes as the sensor measures them, with the numbers of the errors and of what they report."""
     errors, reports = normals
-    frame, of = scene.frame, boxes.origin
+    settings, frame, of = scene.settings, scene.frame, boxes.origin
     fraction = scene.fraction[of]
     distance, angle = scene.sight.distance[of], scene.sight.against_axis[of]
     off = position_error(position_std(settings, distance, angle, fraction), angle, errors[:, :4])
@@ -110,26 +103,15 @@ def _measured(
     speed, _ = measured_speed(settings, angle, frame.speed_mps[of], frame.lat_speed_mps[of], errors[:, SPEED_NORMAL])
     size = measured_sizes(settings, boxes.length_m, boxes.width_m, fraction, errors[:, 5:])
     lon, lat = boxes.lon_m + off_lon, boxes.lat_m + off_lat
-    return _reported(settings, scene, (lon, lat, boxes.axis_rad, speed, size), (fraction, reports), named)
+    return _reported(scene, (lon, lat, boxes.axis_rad, speed, size), (fraction, reports), named)
 
 
-def _reported(
-    settings: SensorSettings,
-    scene: Scene,
-    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
-    report: tuple[FloatArray, FloatArray],
-    origin: IntArray,
-) -> Returns:
+def _reported(scene: Scene, measured: Measured, report: tuple[FloatArray, FloatArray], origin: IntArray) -> Returns:
     """Return measured values with the deviations that they report, which follow from the measured box alone.
 
-    Args:
-        settings: The sensor's figures.
-        scene: Gives the sensor's pose.
-        measured: Longitudinal and lateral position, direction of the box, speed and sizes.
-        report: Visible fraction, which shows but a little, and standard normal numbers of the spread.
-        origin: Vehicle behind each.
+    ``report`` is the visible fraction, which shows but a little, and standard normal numbers of the spread.
     """
-    lon, lat, axis, speed, size = measured
+    settings, (lon, lat, axis, speed, size) = scene.settings, measured
     sight = sight_to(lon, lat, scene.road, scene.ego, axis)
     plain, zeros = np.ones(len(lon)), np.zeros(len(lon))
     factor = reported_factors(settings, *report)
@@ -143,10 +125,11 @@ def _reported(
     return Returns(np.concatenate([place, size, nominal.correlation[:, None]], axis=-1), origin)
 
 
-def flashing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, rng: np.random.Generator) -> Returns:
+def flashing_returns(memory: SensorMemory, scene: Scene, rng: np.random.Generator) -> Returns:
     """Return false detections that flash up once, spread evenly over the lanes in reach, of the size of a car."""
+    settings = scene.settings
     count = int(rng.poisson(settings.clutter_per_scan))
-    near = partial(_place_in_reach, settings, scene)
+    near = partial(_place_in_reach, scene)
     lon, lat, axis = scene.road.draw_on_lanes(count, (scene.ego.lon_m, scene.ego.lat_m), settings.range_m, rng, near)
     sight = sight_to(lon, lat, scene.road, scene.ego, axis)
     plain_view, zeros = np.ones(len(lon)), np.zeros(len(lon))
@@ -154,46 +137,39 @@ def flashing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scen
     speed, _ = measured_speed(settings, sight.against_axis, ghost_speed, zeros, zeros)
     car = zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M
     size = measured_sizes(settings, *car, plain_view, rng.standard_normal((len(lon), 2)))
-    return _reported_of_nothing(settings, memory, scene, (lon, lat, axis, speed, size))
+    return _reported_of_nothing(memory, scene, (lon, lat, axis, speed, size))
 
 
-def standing_returns(settings: SensorSettings, memory: SensorMemory, scene: Scene, step_s: float) -> Returns:
+def standing_returns(memory: SensorMemory, scene: Scene, step_s: float) -> Returns:
     """Return the detections of false objects that last, of every kind, and remember these."""
-    rng = memory.streams.ghosts
+    settings, rng = scene.settings, memory.streams.ghosts
     memory.ghosts = ghosts = ghosts_after(settings, memory.ghosts, scene.frame, scene.road, step_s, rng)
     on_lane = scene.road.on_a_lane(ghosts.lon_m, ghosts.lat_m)
     chance = np.where(on_lane, settings.persistent_clutter_probability, 0.0)
-    kinds = [_returns_of(settings, memory, scene, ghosts, chance, rng)]
+    kinds = [_returns_of(memory, scene, ghosts, chance, rng)]
     if settings.mirrored_clutter > 0.0:
         rng = memory.streams.mirrored
         memory.mirrored = mirrored_after(settings, memory.mirrored, scene, step_s, rng)
         images = mirror_images(memory.mirrored, scene)
-        kinds.append(_returns_of(settings, memory, scene, images, settings.mirrored_clutter_probability, rng))
+        kinds.append(_returns_of(memory, scene, images, settings.mirrored_clutter_probability, rng))
     if settings.posts_per_km > 0.0:
         rng = memory.streams.posts
         if memory.posts is None:
             memory.posts = posts_along(settings, scene.road, scene.ego, rng)
-        kinds.append(_returns_of(settings, memory, scene, memory.posts, settings.posts_probability, rng))
-    return Returns(
-        np.concatenate([kind.values for kind in kinds]),
-        np.concatenate([kind.origin for kind in kinds]),
-    )
+        kinds.append(_returns_of(memory, scene, memory.posts, settings.posts_probability, rng))
+    return Returns(np.concatenate([kind.values for kind in kinds]), np.concatenate([kind.origin for kind in kinds]))
 
 
 def _returns_of(
-    settings: SensorSettings,
-    memory: SensorMemory,
-    scene: Scene,
-    ghosts: Ghosts,
-    probability: FloatArray | float,
-    rng: np.random.Generator,
+    memory: SensorMemory, scene: Scene, ghosts: Ghosts, probability: FloatArray | float, rng: np.random.Generator
 ) -> Returns:
     """Return the detections of false objects, each made with its probability; two blocks of numbers are drawn."""
+    settings = scene.settings
     chance, normals = rng.random(len(ghosts)), rng.standard_normal((len(ghosts), NORMALS))
-    shown = (chance < probability) & _place_in_reach(settings, scene, ghosts.lon_m, ghosts.lat_m)
+    shown = (chance < probability) & _place_in_reach(scene, ghosts.lon_m, ghosts.lat_m)
     if settings.persistent_clutter_occluded:
         shown &= ~in_shadow(scene, ghosts.lon_m, ghosts.lat_m)
-    ghosts, normals = taken(ghosts, np.flatnonzero(shown)), normals[shown]
+    ghosts, normals = taken(ghosts, shown), normals[shown]
     sight = sight_to(ghosts.lon_m, ghosts.lat_m, scene.road, scene.ego, ghosts.axis_rad)
     plain_view, zeros = np.ones(len(ghosts)), np.zeros(len(ghosts))
     std = position_std(settings, sight.distance, sight.against_axis, plain_view)
@@ -201,29 +177,24 @@ def _returns_of(
     speed, _ = measured_speed(settings, sight.against_axis, ghosts.speed_mps, zeros, normals[:, SPEED_NORMAL])
     size = measured_sizes(settings, ghosts.length_m, ghosts.width_m, plain_view, normals[:, 5:])
     measured = (ghosts.lon_m + off_lon, ghosts.lat_m + off_lat, ghosts.axis_rad, speed, size)
-    return _reported_of_nothing(settings, memory, scene, measured)
+    return _reported_of_nothing(memory, scene, measured)
 
 
-def _reported_of_nothing(
-    settings: SensorSettings,
-    memory: SensorMemory,
-    scene: Scene,
-    measured: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
-) -> Returns:
+def _reported_of_nothing(memory: SensorMemory, scene: Scene, measured: Measured) -> Returns:
     """Return false detections with deviations by the law of the true ones, as of vehicles seen to any fraction."""
     count, rng = len(measured[0]), memory.streams.reports
-    fraction = rng.choice(_seen_fractions(settings, scene), size=count)
+    fraction = rng.choice(_seen_fractions(scene), size=count)
     reports = rng.standard_normal((count, REPORT_NORMALS))
-    return _reported(settings, scene, measured, (fraction, reports), np.full(count, -1, dtype=np.int64))
+    return _reported(scene, measured, (fraction, reports), np.full(count, -1, dtype=np.int64))
 
 
-def _seen_fractions(settings: SensorSettings, scene: Scene) -> FloatArray:
+def _seen_fractions(scene: Scene) -> FloatArray:
     """Return visible fractions that true detections have just now; one in plain view where there is none."""
-    seen = scene.in_range & (scene.fraction >= settings.hidden_fraction)
+    seen = scene.in_range & (scene.fraction >= scene.settings.hidden_fraction)
     seen[scene.frame.ego] = False
     return scene.fraction[seen] if seen.any() else np.ones(1)
 
 
-def _place_in_reach(settings: SensorSettings, scene: Scene, lon_m: FloatArray, lat_m: FloatArray) -> BoolArray:
+def _place_in_reach(scene: Scene, lon_m: FloatArray, lat_m: FloatArray) -> BoolArray:
     sight = sight_to(lon_m, lat_m, scene.road, scene.ego, 0.0)
-    return in_reach(settings, sight.distance, sight.off_axis)
+    return in_reach(scene.settings, sight.distance, sight.off_axis)

@@ -26,8 +26,9 @@ class Sight:
 
 @dataclass(frozen=True)
 class Scene:
-    """A frame, and how the sensor stands to each of its vehicles: arrays of shape (n,)."""
+    """A frame, and how a sensor with its figures stands to each of its vehicles: arrays of shape (n,)."""
 
+    settings: SensorSettings
     frame: Frame
     road: Road
     sight: Sight

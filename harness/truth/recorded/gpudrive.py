@@ -21,7 +21,7 @@ MOST_RAD = 6.5
 
 
 def read_gpudrive(path: Path) -> ReadTraffic:
-    """Read a scene's vehicles and lanes; see ``traffic_of_scene``."""
+    """Read a scene's vehicles and lanes."""
     return traffic_of_scene(path, _scene, "scene of GPUDrive")
 
 

@@ -27,7 +27,7 @@ VEHICLES = frozenset(
 
 
 def read_pandaset(path: Path) -> ReadTraffic:
-    """Read a sequence, in the plane without a map; see ``traffic_of_scene``."""
+    """Read a sequence, in the plane without a map."""
     return traffic_of_scene(path, _scene, "table of PandaSet's cuboids")
 
 

@@ -37,7 +37,7 @@ class _Plain(pickle.Unpickler):
 
 
 def read_scenarionet(path: Path) -> ReadTraffic:
-    """Read a scene's vehicles and lanes, of a pickle that holds no more; see ``traffic_of_scene``."""
+    """Read a scene's vehicles and lanes."""
     return traffic_of_scene(path, _scene, "scene of ScenarioNet")
 
 

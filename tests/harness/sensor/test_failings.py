@@ -268,5 +268,6 @@ def test_clutter_reports_deviations_as_true_detections_do(reports):
 def test_clutter_looks_like_the_vehicles_in_sight_of_which_the_ego_is_none():
     frame = frame_of((20, 0), (40, 1.4))
     sight = sight_to(frame.lon_m, frame.lat_m, ROAD, frame.ego_pose, 0.0)
-    scene = Scene(frame, ROAD, sight, np.array([1.0, 0.4, 0.05]), np.full(3, -1), np.ones(3, dtype=bool))
-    assert _seen_fractions(sensor_settings("lidar", {}), scene).tolist() == [0.4]
+    lidar = sensor_settings("lidar", {})
+    scene = Scene(lidar, frame, ROAD, sight, np.array([1.0, 0.4, 0.05]), np.full(3, -1), np.ones(3, dtype=bool))
+    assert _seen_fractions(scene).tolist() == [0.4]
