@@ -62,13 +62,17 @@ class Run:
     def metrics(self) -> pd.DataFrame:
         """Every number of ``metrics.json`` in the column ``value``, by its name with dots; nan where there is none.
 
+        ``label`` is its name with its unit, where people are told one.
         An interval ends in ``.low`` and ``.high``, an entry of a list in its place from 0.
         """
-        from harness.running.finished import read_metrics  # noqa: PLC0415
+        from harness.running import finished  # noqa: PLC0415
 
-        flat = flattened(read_metrics(self.folder, "folder"))
+        flat = flattened(finished.read_metrics(self.folder, "folder"))
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
-        return pd.DataFrame({"value": pd.Series(numbers, dtype="float64")}).rename_axis("metric")
+        values, labels = pd.Series(numbers, dtype="float64"), finished.labels()
+        return pd.DataFrame({"value": values, "label": [labels.get(name, "") for name in values.index]}).rename_axis(
+            "metric"
+        )
 
     def _repr_html_(self) -> str:
         """Return the folder's name and the run's numbers, as notebooks show them."""
@@ -108,6 +112,21 @@ class Run:
     def commands(self) -> pd.DataFrame:
         """One row per step: what the ego's driver would do by the truth and by the tracks."""
         return self._table("commands.parquet")
+
+    @cached_property
+    def diagnostics(self) -> pd.DataFrame:
+        """One row per step: what goes on inside the tracker, where it tells."""
+        return self._table("diagnostics.parquet")
+
+    @cached_property
+    def unseen(self) -> pd.DataFrame:
+        """One row per step and stretch of lane: how many undetected vehicles the tracker expects there."""
+        return self._table("unseen.parquet")
+
+    @cached_property
+    def particles(self) -> pd.DataFrame:
+        """A sample of the particles at some of the steps."""
+        return self._table("particles.parquet")
 
     def report(self) -> Path:
         """Return the run's page, ``report.html``; it is written if it is not there."""

@@ -26,6 +26,8 @@ SEEN_BEFORE, NEVER_SEEN = "cross, seen before", "cross, never seen"
 UNPAIRED = (IMPACT,)
 """What only some episodes have, other ones with each belief, so that no pairs are left."""
 WORST_LISTED = 60
+WIDEST = 10.0
+"""An interval that reaches beyond so many times the mean tells nothing: there are too few seeds for one."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Score:
         metric: Key of the quantity.
         n: Episodes with a value.
         mean: Mean over them; None without any.
-        ci95: Interval over seeds, of values that it can have; None with fewer than two.
+        ci95: Interval over seeds, of values that it can have; None with fewer than two, or beyond ``WIDEST``.
         excess: Mean difference from the truth in the same episodes; None where there is no pair.
         excess_ci95: Student's interval of that over seeds; None with fewer than two, or where none differs.
     """
@@ -92,7 +94,8 @@ QUESTION = (
     "for. *Less truth* is the mean difference from that in the same episodes."
 )
 EXPLANATION = (
-    "Means over episodes with 95 % intervals over seeds, two episodes each. Everything is measured by the "
+    "Means over episodes with 95 % intervals over seeds, two episodes each; where none stands, there are too few seeds "
+    "for one. Everything is measured by the "
     "truth until the episode ends: after 20 s, with a collision, or where the road does. A *missed* braking is one "
     "that the truth would have demanded for half a second or longer (-2 m/s² or less) while the belief demanded more "
     "than -1 m/s²; a *phantom* is the other way round. For a vehicle right ahead that is in plain view and that the "
@@ -146,7 +149,8 @@ def _ci(
     place = np.unique(seeds[known], return_inverse=True)[1]
     sums = np.bincount(place, weights=values[known]).astype(np.float64)
     interval = possible_ci(sums, np.bincount(place).astype(np.float64), quantity.possible, km or None)
-    return (interval.low, interval.high) if np.isfinite(interval.low) else None
+    told = np.isfinite(interval.low) and (not sums.any() or interval.high <= WIDEST * sums.sum() / known.sum())
+    return (interval.low, interval.high) if told else None
 
 
 def _excess(

@@ -23,7 +23,7 @@ def nearest(key: str, known: Sequence[str]) -> str:
     if near:
         return f"; did you mean {' or '.join(near[:3])}?"
     more = f" and {len(known) - MOST_NAMED} more" if len(known) > MOST_NAMED else ""
-    return f"; known are {', '.join(known[:MOST_NAMED])}{more}, which the command `settings` lists"
+    return f"; known are {', '.join(known[:MOST_NAMED])}{more}; `python -m harness settings` lists them"
 
 
 class Problem(NamedTuple):

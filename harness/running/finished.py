@@ -22,6 +22,7 @@ from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
 from harness.running.resolve import check_sensor_of_folder
+from harness.scoring.metrics.registry import quantities
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import Until, check_truth
@@ -200,3 +201,8 @@ def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
     if not isinstance(metrics, dict):
         raise InputError(f"`{parameter}`: {path} is broken; make the run again")
     return metrics
+
+
+def labels() -> dict[str, str]:
+    """Return the name with its unit of each number that people are told, by its key in ``metrics.json``."""
+    return {each.key: each.label for each in quantities()}

@@ -179,7 +179,10 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
     if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
-        raise InputError(f"`{parameter}`: the run in {folder} did not end, so that it has no scores; run it again")
+        raise InputError(
+            f"`{parameter}`: the run in {folder} did not end, so that it has no scores; run it again, or score its "
+            f"finished steps: `python -m harness score` takes its {TRUTH}, {DETECTIONS} and {TRACKS}"
+        )
     return manifest
 
 

@@ -200,6 +200,7 @@ def test_metrics_are_the_numbers_of_the_file_by_dotted_name(run):
     content = json.loads((run.folder / "metrics.json").read_text())
     assert run.metrics.loc["mot.hota", "value"] == content["mot"]["hota"]
     assert run.metrics.index.is_unique
+    assert run.metrics.loc["mot.hota", "label"] == "HOTA in sight, %"
     assert run.metrics["value"].dtype == float
 
 

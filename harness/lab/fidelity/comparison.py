@@ -151,7 +151,8 @@ def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable
         network.demand(demand)
         if request.duration_s <= period.skip_s:
             raise InputError(
-                f"`minutes` {request.duration_s / 60.0:g}: the first {period.skip_s / 60.0:g} are left out"
+                f"`minutes` {request.duration_s / 60.0:g}: the first {period.skip_s / 60.0:g} of {demand} are left "
+                "out; give more than that, 15 for example"
             )
     files = recording_files(request.recordings)
     recorded = recorded_samples(files, network.name) if files else None

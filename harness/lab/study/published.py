@@ -99,7 +99,7 @@ def make_study(
         InputError: An unknown study or model.
     """
     if plan.study not in MODELS:
-        raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE} or transfer")
+        raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE}, transfer or ablation")
     models = {name: _model(plan, name) for name in plan.model_names}
     cases = cases_of_plan(plan, network, say)
     result = run_study(
