@@ -105,6 +105,8 @@ class Detections:
             the road frame is the plane and no lanes are known.
         correlation: Correlation of the longitudinal and the lateral noise, between -1 and 1, which with the deviations
             makes a covariance, shape (d,); None of a sensor that does not tell, whose noises are taken for independent.
+        score: How sure the detector is, shape (d,), above 0 and below 1: the probability that the detection is of a
+            vehicle, if true and false ones were equally frequent; None of a detector that gives none.
     """
 
     lon_m: FloatArray
@@ -116,9 +118,15 @@ class Detections:
     sizes: BodySizes | None = None
     headings: BodyHeadings | None = None
     correlation: FloatArray | None = None
+    score: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.lon_m)
+
+    @property
+    def odds(self) -> FloatArray:
+        """How many times likelier each score is of a vehicle than of nothing, shape (d,); 1 without scores."""
+        return np.ones(len(self)) if self.score is None else np.asarray(self.score / (1.0 - self.score))
 
     @property
     def covariance_m2(self) -> FloatArray:
@@ -154,14 +162,16 @@ class Detections:
         if self.headings is not None:
             self.headings.validate(len(self))
         if self.correlation is not None:
-            _check_correlation(self.correlation, len(self))
+            _check_between("correlation", self.correlation, len(self), -1)
+        if self.score is not None:
+            _check_between("score", self.score, len(self), 0)
 
 
-def _check_correlation(correlation: FloatArray, count: int) -> None:
-    if correlation.shape != (count,):
-        raise InvalidScanError(f"detections.correlation has shape {correlation.shape}, not {(count,)}")
-    if not (np.abs(correlation) < 1.0).all():
-        raise InvalidScanError("detections.correlation must lie between -1 and 1, both left out")
+def _check_between(name: str, values: FloatArray, count: int, least: int) -> None:
+    if values.shape != (count,):
+        raise InvalidScanError(f"detections.{name} has shape {values.shape}, not {(count,)}")
+    if not ((values > least) & (values < 1.0)).all():
+        raise InvalidScanError(f"detections.{name} must lie between {least} and 1, both left out")
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,10 @@ class SensorSettings(WithoutTruthValues):
     """Standard deviation of the measured range rate; not set if the sensor does not measure it."""
     speed_obliquity_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
     """The range rate yields a speed if the line of sight is within this angle of the road."""
+    score_separation: NotNegative = 0.0
+    """Distance of the scores of true and false detections in standard deviations of their logarithmic odds, which are
+    normal; the odds are right, as of a calibrated detector. 2.2 fits PointRCNN on KITTI; 0: no scores.
+    """
     road_width_m: Positive = 18.3
     """Road width over which trackers assume uniform clutter."""
     reported_factor: Positive = 1.0

@@ -29,7 +29,7 @@ from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource
 from harness.truth.network.network import load_network
 from harness.truth.recorded.detected.source import open_drives
-from harness.truth.recorded.formats import brings_detections, check_map, files_of, least_score_of, read_drives
+from harness.truth.recorded.formats import FORMATS, brings_detections, check_map, files_of, least_score_of, read_drives
 from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.sumo.plane_traffic import BEYOND_RANGE_M, REACH_M
 from harness.truth.sumo.simulation import open_traffic
@@ -120,7 +120,7 @@ def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
     least_score = least_score_of(recording.format, recording.least_score)
     truth = open_drives(path, recording.format, drives, config.traffic.duration_s, recording.start_s, least_score)
     return replace(
-        look_at(truth, GivenDetections(settings, truth), config.seed),
+        look_at(truth, GivenDetections(settings, truth, FORMATS[recording.format].scores), config.seed),
         files={f"replay/{file.parent.name}/{file.name}": file for file in files_of(path, recording.format)},
         report=truth.report(),
         about={"recording": truth.summary()},

@@ -194,14 +194,17 @@ def _kept(look: Look, keep: BoolArray) -> Look:
 def _like(made: Detections, others: Detections) -> Detections:
     """Return detections with the columns that others have; a direction that nobody measured is wholly uncertain."""
     zeros = np.zeros(len(made))
-    sizes, headings, correlation = made.sizes, None, None
+    sizes, headings, correlation, score = made.sizes, None, None, None
     if others.sizes is not None and sizes is None:
         sizes = BodySizes(zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M, zeros + 0.5, zeros + 0.2)
     if others.headings is not None:
         headings = BodyHeadings(zeros, zeros + UNKNOWN_DIRECTION_RAD, zeros + 0.5)
     if others.correlation is not None:
         correlation = zeros if made.correlation is None else made.correlation
-    return replace(made, sizes=None if others.sizes is None else sizes, headings=headings, correlation=correlation)
+    if others.score is not None:
+        score = zeros + 0.5
+    sizes = None if others.sizes is None else sizes
+    return replace(made, sizes=sizes, headings=headings, correlation=correlation, score=score)
 
 
 def _with_scan(look: Look, scan: Scan) -> Look:

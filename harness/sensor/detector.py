@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import expit
 
 from harness.config.sensor import SensorSettings
 from harness.sensor.memory import SensorMemory
@@ -24,6 +25,7 @@ from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, Scan, SensorMod
 
 DECIMALS = 4
 MOST_CORRELATED = 0.999
+LEAST_SCORE = 0.001
 
 
 def build_sensor(settings: SensorSettings) -> Sensor:
@@ -71,7 +73,7 @@ class RayedSensor:
         origin = origin[order]
         values = np.concatenate([returns.values, flashes.values, standing.values])[order]
         seen = _Seen(
-            detections_from(self.settings, values, road),
+            _scored(self.settings, detections_from(self.settings, values, road), origin >= 0, self.memory),
             np.where(origin >= 0, frame.vehicle_id[origin], ""),
             np.where(origin >= 0, fraction[origin], np.nan),
         )
@@ -192,6 +194,20 @@ def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, se
     # Of a vehicle that has left meanwhile there is no truth.
     still = np.isin(late.truth_id, frame.vehicle_id)
     return _Seen(late.detections, np.where(still, late.truth_id, ""), np.where(still, late.visible_fraction, np.nan))
+
+
+def _scored(settings: SensorSettings, found: Detections, true: BoolArray, memory: SensorMemory) -> Detections:
+    """Return detections with scores, true ones surer; log-odds are normal, of mean +-s^2/2 and deviation s."""
+    separation = settings.score_separation
+    if separation == 0.0:
+        return found
+    mean = np.where(true, 0.5, -0.5) * separation**2
+    return replace(found, score=as_score(mean + separation * memory.streams.scores.standard_normal(len(found))))
+
+
+def as_score(log_odds: FloatArray) -> FloatArray:
+    """Return scores of log-odds as a sensor hands them out, neither 0 nor 1."""
+    return np.asarray(np.clip(rounded(expit(log_odds)), LEAST_SCORE, 1.0 - LEAST_SCORE))
 
 
 def own_shadows(settings: SensorSettings, detections: Detections, ego: EgoPose, road: Road) -> FreeSpace:

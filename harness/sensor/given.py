@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.config.sensor import SensorSettings
-from harness.sensor.detector import data_sheet, own_shadows, rounded, visibility_of
+from harness.sensor.detector import as_score, data_sheet, own_shadows, rounded, visibility_of
 from harness.sensor.noise import position_std
 from harness.sensor.observation import Observation
 from harness.sensor.scene import in_reach, sight_to
@@ -37,10 +37,13 @@ class GivenDetections:
     Attributes:
         settings: What is said of the detector: its reach, its data sheet and how far its boxes are off.
         truth: The drives.
+        scores: The detector's score that true and false detections have alike often, and by how much it grows until
+            the odds are e times as high; None of one whose scores mean nothing.
     """
 
     settings: SensorSettings
     truth: DriveTruth
+    scores: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Compile what working out shadows needs."""
@@ -92,7 +95,8 @@ class GivenDetections:
         std_lon, std_lat = rounded(std.lon_m), rounded(std.lat_m)
         deviation, flipped = np.full(count, STD_HEADING_RAD), np.full(count, FLIP_PROBABILITY)
         headings = BodyHeadings(rounded(given.heading_rad), deviation, flipped)
-        return Detections(*place, unknown, std_lon, std_lat, unknown.copy(), sizes, headings)
+        score = None if self.scores is None else as_score((given.score - self.scores[0]) / self.scores[1])
+        return Detections(*place, unknown, std_lon, std_lat, unknown.copy(), sizes, headings, score=score)
 
 
 def _with_errors(exact: Detections, rng: np.random.Generator) -> Detections:

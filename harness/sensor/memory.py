@@ -155,13 +155,14 @@ class Streams:
     detectability: np.random.Generator
     mirrored: np.random.Generator
     posts: np.random.Generator
+    scores: np.random.Generator
 
     @classmethod
     def below(cls, parent: np.random.Generator) -> Streams:
         """Return streams that the parent's seed decides; the parent's own numbers stay as they were."""
         own = parent.spawn(5)
         # Streams that came later lie below the first, so that the parent's next children stay what they were.
-        return cls(*own, *own[0].spawn(3))
+        return cls(*own, *own[0].spawn(4))
 
 
 @dataclass

@@ -185,6 +185,7 @@ TABLES: dict[str, Table] = {
                 _number("std_heading_rad", "its standard deviation, if front is not back", absent=NO_HEADINGS),
                 _number("flip_probability", "probability that the front is taken for the back", absent=NO_HEADINGS),
                 _number("correlation", "correlation of the noise of both places", absent="the sensor tells none"),
+                _number("score", "how sure the detector is, 0 to 1", absent="the detector gives none"),
             ),
             _number("visible_fraction", "share of the vehicle that the sensor can see; nan of a false detection"),
             _text("truth_id", "vehicle that it came from; empty of a false detection"),

@@ -41,9 +41,10 @@ from mmpf.joint.sources import Sources, sources_of
 from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel, spreads_speed
 from mmpf.motion.state import LAT, LON
-from mmpf.numerics.arrays import BoolArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 from mmpf.options.filter import OTHER_SPEED_ERROR, FilterOptions, ModelErrorOptions
-from mmpf.scan import Scan, SensorModel
+from mmpf.options.joint import JointAssociation
+from mmpf.scan import Detections, Scan, SensorModel
 from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situation, Updated
 from mmpf.visibility.missed_runs import run_after_scan
 from mmpf.visibility.range_profile import Reach
@@ -114,7 +115,7 @@ class JointUpdate:
             likelihoods,
             len(detections),
         )
-        clutter_density = clutter_densities(detections, known.sensor)
+        clutter_density = clutter_densities(detections, known.sensor) * _relative_clutter(detections, options)
         evidence *= existence[:, None] / clutter_density
         missed = 1.0 - existence + existence * not_seen
         marginals = associate(evidence, missed, options.birth_density, options.exclusive)
@@ -179,7 +180,8 @@ class JointUpdate:
 
         chosen = np.flatnonzero(updated.birth_claim > joint.association.birth_unexplained)
         chosen = chosen[~lies_on_ego(situation.scan.detections, situation.plane)[chosen]]
-        density = joint.association.birth_density
+        odds = situation.scan.detections.odds[chosen] ** joint.association.score_weight
+        density = joint.association.birth_density * odds
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
         places = appearances_at(chosen, updated.mixture, moments, known, situation, self.options)
         newborn = newborn_sources(
@@ -256,3 +258,13 @@ class JointUpdate:
         if updated.false_detections is not None:
             known = known.with_clutter(updated.false_detections, dt_s, self.joint.association.clutter_memory_s)
         self.known = known
+
+
+def _relative_clutter(detections: Detections, options: JointAssociation) -> FloatArray:
+    """Return by how much scores make clutter denser or thinner at each detection, shape (d,).
+
+    Scaling all weights of a detection changes no marginal, so that those of clutter and newborn vehicles, 1 and b times
+    the odds, are brought to a sum of 1 + b.
+    """
+    odds, births = detections.odds**options.score_weight, options.birth_density
+    return np.asarray((1.0 + births * odds) / ((1.0 + births) * odds))

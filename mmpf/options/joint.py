@@ -58,6 +58,9 @@ class JointAssociation(Settings):
     """Time constant for counting false detections, starting from the data sheet's rate; None always uses that rate."""
     birth_density: Annotated[Positive, in_unit("births per false detection")] = 0.3
     """Expected newborn vehicles relative to clutter at one detection (b in Meyer et al. 2018)."""
+    score_weight: Probability = 0.0
+    """Exponent of the odds that a detection's score gives, for detections of known and of new vehicles; 0 ignores
+    scores."""
     birth_unexplained: Probability = 0.3
     """A detection starts a component if its unexplained share is above this."""
     exclusion_per_s: NotNegative = 9.0

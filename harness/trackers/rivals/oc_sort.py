@@ -33,7 +33,7 @@ from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
 from harness.trackers.rivals.options import in_frame
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped
-from mmpf.options.base import NotNegative, Positive, in_unit
+from mmpf.options.base import NotNegative, Positive, Probability, in_unit
 from mmpf.scan import Detections, Scan, SensorModel, check_scan
 from mmpf.tracks import Tracks
 
@@ -56,6 +56,9 @@ class OcSortOptions(BoxOptions):
     """Smallest overlap of an unmatched detection with the last observed box of an unmatched track for recovery; 1 turns
     it off.
     """
+    sure_score: Probability = 0.0
+    """A detection with a lower score starts no track and is matched last, to tracks that are left (ByteTrack, Zhang et
+    al. 2022); 0 ignores scores."""
     reupdate: bool = True
     """Whether a recovered track is filtered again over the time without detections."""
 
@@ -138,7 +141,7 @@ class OcSort:
         tracks = self._predicted(scan)
         index, detection = _matched(tracks, detections, options)
         tracks = _updated(tracks, index, detections, detection, self._times_s, options)
-        others = np.setdiff1d(np.arange(len(detections)), detection)
+        others = np.setdiff1d(np.flatnonzero(_sure(detections, options)), detection)
         lives = Lives.begun(self._next_track_id, len(others), scan.time_s)
         self._next_track_id += len(others)
         new = begun(lives, taken(detections, others), scan.ego, options)
@@ -171,12 +174,22 @@ def _matched(tracks: OcTracks, detections: Detections, options: OcSortOptions) -
     """Return pairs of tracks and detections: by the predicted boxes, then by the last seen ones of what is left."""
     overlap = overlaps(tracks.boxes, tracks.boxes.middle_m, detections, options)
     gain = overlap - options.least_overlap + options.momentum_weight * momentum(tracks.observed, detections, options)
-    first = _best(gain, overlap >= options.least_overlap)
+    near, sure = overlap >= options.least_overlap, _sure(detections, options)
+    first = _best(gain, near & sure)
     overlap = overlaps(tracks.boxes, tracks.observed.last_m, detections, options)
-    allowed = (overlap >= options.recovery_overlap) & (options.recovery_overlap < 1.0)
+    allowed = (overlap >= options.recovery_overlap) & (options.recovery_overlap < 1.0) & sure
     allowed[first[0]] = allowed[:, first[1]] = False
     second = _best(overlap - options.recovery_overlap, allowed)
-    return np.concatenate([first[0], second[0]]), np.concatenate([first[1], second[1]])
+    near &= ~sure
+    near[first[0]] = near[second[0]] = False
+    rounds = first, second, _best(gain, near)
+    return np.concatenate([pairs[0] for pairs in rounds]), np.concatenate([pairs[1] for pairs in rounds])
+
+
+def _sure(detections: Detections, options: OcSortOptions) -> BoolArray:
+    """Return which detections are sure enough to start a track, shape (d,); all of a detector without scores."""
+    score = detections.score
+    return np.ones(len(detections), dtype=np.bool_) if score is None else score >= options.sure_score
 
 
 def _best(gain: FloatArray, allowed: BoolArray) -> tuple[IntArray, IntArray]:

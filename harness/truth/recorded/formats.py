@@ -56,6 +56,7 @@ class RecordingFormat:
         sensor: Profile that tells what is known of the detector whose boxes a recording brings; its reader returns
             drives (``harness.truth.recorded.detected``). None of one that brings no detections.
         least_score: Detections of a lower score are left out unless the user says otherwise.
+        scores: What the detector's scores mean, see ``GivenDetections``.
         brings_map: Whether a recording that brings detections may have a map beside it; its reader then takes whether
             to read it as well.
         usual_ego: Which vehicles carry the sensor unless the user says otherwise.
@@ -66,6 +67,7 @@ class RecordingFormat:
     recognises: Callable[[str], bool]
     sensor: str | None = None
     least_score: float = -np.inf
+    scores: tuple[float, float] | None = None
     brings_map: bool = False
     usual_ego: str = "auto"
 
@@ -296,7 +298,7 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat("pandaset", True, _with_columns(PANDASET_NAMES), usual_ego="ego"),
         RecordingFormat("scenarionet", True, _is_never_recognised, usual_ego="ego"),
         RecordingFormat("gpudrive", True, _is_gpudrive),
-        RecordingFormat("kitti-tracking", True, _is_never_recognised, "kitti-pointrcnn", 2.0),
+        RecordingFormat("kitti-tracking", True, _is_never_recognised, "kitti-pointrcnn", 2.0, (3.69, 1.40)),
         RecordingFormat("av2", True, _is_never_recognised, "av2-points", brings_map=True),
     )
 }

@@ -326,3 +326,16 @@ def test_any_traffic_gives_a_valid_and_consistent_observation(cars, profile, see
     assert ((seen.state == OUT) == ~seen.in_range).all()
     real = np.flatnonzero(seen.truth_id != "")
     assert (seen.detection_visible_fraction[real] >= 0.15).all()
+
+
+def test_scores_are_calibrated_and_change_no_detection():
+    many = {**STEADY, "clutter_per_scan": 20.0}
+    plain, scored = (looks(PLAIN, 100, "lidar", **many, score_separation=by) for by in (0.0, 2.0))
+    for one, other in zip(plain, scored, strict=True):
+        assert one.scan.detections.score is None
+        assert np.array_equal(one.scan.detections.lon_m, other.scan.detections.lon_m)
+    score = np.concatenate([each.scan.detections.score for each in scored])
+    true = np.concatenate([each.truth_id != "" for each in scored])
+    among = (score > 0.65) & (score < 0.75)
+    odds = among[true].mean() / among[~true].mean()
+    assert odds / (1.0 + odds) == pytest.approx(0.7, abs=0.06)

@@ -78,7 +78,7 @@ class Measured:
         detections: The detections, d of them.
         sizes_m: Their lengths and widths, shape (d, 2).
         seen: Probability with which each single hypothesis would be detected, shape (h,).
-        clutter_density: Expected clutter a square metre.
+        clutter_density: Expected clutter a square metre, at each, shape (d,).
         newcomers: Expected number of detections a square metre, at each one, of vehicles never detected, shape (d,).
         first: What is believed of a vehicle that is first detected by each, d of them, and its track's identity.
     """
@@ -87,7 +87,7 @@ class Measured:
     detections: Detections
     sizes_m: FloatArray
     seen: FloatArray
-    clutter_density: float
+    clutter_density: FloatArray
     newcomers: FloatArray
     first: tuple[Lives, GaussianStates]
 
@@ -209,7 +209,7 @@ def _singles_after(singles: Singles, keys: Sequence[tuple[int, int]], measured: 
     begun = Singles(
         taken(lives, newly),
         taken(states, newly),
-        rate / (rate + measured.clutter_density),
+        rate / (rate + measured.clutter_density[newly]),
         measured.sizes_m[newly],
         only_now,
     )

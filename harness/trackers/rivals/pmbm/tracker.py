@@ -53,6 +53,8 @@ class PmbmOptions(RivalOptions):
     """Detection probability in plain view; None takes the sensor's."""
     clutter_factor: Positive = 1.0
     """Clutter density relative to the data sheet's."""
+    score_weight: Probability = 0.0
+    """Exponent of the odds that a detection's score gives; 0 ignores scores."""
     newcomer_share: Positive = 0.1
     """Expected detections of vehicles never detected before, relative to clutter."""
     stay_s: Positive = 60.0
@@ -132,7 +134,7 @@ class Pmbm:
             detections=detections,
             sizes_m=self._sizes(detections),
             seen=self._seen(scan, mixture),
-            clutter_density=clutter,
+            clutter_density=clutter / detections.odds**options.score_weight,
             newcomers=np.full(count, options.newcomer_share * clutter),
             first=(lives, newborn(detections, np.arange(count), scan.ego, options)),
         )

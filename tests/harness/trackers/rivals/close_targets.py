@@ -129,7 +129,7 @@ def followed(found: list[FloatArray], pruning: Pruning = PRUNING) -> list[Mixtur
             detections=detections,
             sizes_m=np.ones((len(places), 2)),
             seen=np.full(len(mixture.singles.existence), SEEN),
-            clutter_density=CLUTTER / SIDE_M**2,
+            clutter_density=np.full(len(places), CLUTTER / SIDE_M**2),
             newcomers=newcomers,
             first=(Lives.begun(first_id, len(places), float(k)), states),
         )

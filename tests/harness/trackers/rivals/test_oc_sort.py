@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -154,3 +156,13 @@ def test_tracks_are_confirmed_and_end_as_their_options_say():
 def test_an_unknown_option_is_refused():
     with pytest.raises(InputError, match="momentum_weights"):
         tracker_of(momentum_weights=0.1)
+
+
+def test_a_detection_of_low_score_continues_a_track_but_starts_none():
+    tracker, times = tracker_of(sure_score=0.5), 0.1 * np.arange(12)
+    for time_s in times:
+        both = detections([220.0 + 10.0 * time_s, 250.0], [5.0, 5.0])
+        score = np.array([0.9 if time_s < 0.45 else 0.1, 0.1])
+        tracks = tracker.step(Scan(time_s, replace(both, score=score), ego_at(time_s)))
+    assert tracks.track_id.tolist() == [1]
+    assert tracks.state.tolist() == [CONFIRMED]
