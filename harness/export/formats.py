@@ -32,6 +32,7 @@ export_formats: Registry[Callable[..., object]] = Registry(
     "export format",
     "harness.export_formats",
     {
+        "autoware": Entry("harness.export.autoware_bag:export", "a ROS 2 bag (MCAP) of Autoware's messages", "mcap"),
         "csv": Entry("harness.export.csv_tables:export", "every table as comma-separated values"),
         "fcd": Entry("harness.export.fcd:export", "truth as SUMO floating-car data, XML"),
         "kitti": Entry(

@@ -17,6 +17,7 @@ import pytest
 import harness
 from harness.commands.app import run_command_line
 from harness.storage import run_folder as runfolder
+from harness.truth.recorded.messages import read_bag
 from mmpf.tracks import Tracks
 from tests.harness.recorded_scene import write_recorded_scene
 
@@ -166,8 +167,26 @@ def test_a_recording_for_foxglove_is_read_back(tmp_path, run):
     assert scored["mot"] == own["mot"]
 
 
-def run_export(folder: Path, out: Path) -> list[Path]:
-    assert run_command_line(["export", str(folder), "--to", "mcap", "--out", str(out)]) == 0
+def test_a_bag_of_autoware_s_messages_is_read_back_with_the_same_scores(tmp_path, run):
+    (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
+    topic = "/perception/object_recognition/tracking/objects"
+    assert score(tmp_path, run.folder, Path(f"{bag}:{topic}")) == 0
+    scored, own = metrics_of(tmp_path / "scored"), metrics_of(run.folder)
+    assert scored["mot"] == own["mot"]
+    assert scored["calibration"] == own["calibration"]
+    tracks = run.tracks[run.tracks["state"] != "tentative"].reset_index(drop=True)
+    read = read_bag(bag, "tracks", topic)
+    for name in ("time_s", "lon_m", "lat_m", "speed_mps", "lat_speed_mps", "accel_mps2", "std_lon_m", "std_lat_m"):
+        np.testing.assert_allclose(read[name], tracks[name], atol=1e-9, err_msg=name)
+    assert (pd.factorize(read["id"])[0] == pd.factorize(tracks["track_id"])[0]).all()
+    found = read_bag(bag, "detections", topic.replace("tracking", "detection"))
+    np.testing.assert_allclose(found[["lon_m", "lat_m"]], run.detections[["lon_m", "lat_m"]], atol=1e-9)
+    ego = run.truth[run.truth["is_ego"]]
+    np.testing.assert_allclose(read_bag(bag, "ego", None)[["lon_m", "lat_m"]], ego[["lon_m", "lat_m"]], atol=1e-9)
+
+
+def run_export(folder: Path, out: Path, to: str = "mcap") -> list[Path]:
+    assert run_command_line(["export", str(folder), "--to", to, "--out", str(out)]) == 0
     return sorted(out.glob("*.mcap"))
 
 
