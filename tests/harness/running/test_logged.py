@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shlex
 import subprocess
@@ -18,6 +19,7 @@ import harness
 from harness.commands.app import run_command_line
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.messages import read_bag
+from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 from tests.harness.recorded_scene import write_recorded_scene
 
@@ -190,7 +192,39 @@ def run_export(folder: Path, out: Path, to: str = "mcap") -> list[Path]:
     return sorted(out.glob("*.mcap"))
 
 
-def test_a_program_in_a_run_and_its_log_from_elsewhere_have_the_same_scores(tmp_path):
+class Inside:
+    """The arithmetic of docs/examples/exec_tracker.py as a tracker in Python."""
+
+    def __init__(self, setting, options):
+        self.rows, self.ids, self.last_s = [], iter(range(1, 10**6)), None
+
+    def step(self, scan: Scan) -> Tracks:
+        step_s, self.last_s = 0.1 if self.last_s is None else scan.time_s - self.last_s, scan.time_s
+        found = list(zip(scan.detections.lon_m.tolist(), scan.detections.lat_m.tolist(), strict=True))
+        for row in self.rows:
+            row["place"] = [at + rate * step_s for at, rate in zip(row["place"], row["rate"], strict=True)]
+            nearest = min(found, key=lambda place: math.dist(place, row["place"]), default=None)
+            if nearest is not None and math.dist(nearest, row["place"]) < 3.0:
+                found.remove(nearest)
+                off = [there - at for there, at in zip(nearest, row["place"], strict=True)]
+                row["place"] = [at + 0.5 * by for at, by in zip(row["place"], off, strict=True)]
+                row["rate"] = [rate + 0.3 * 0.5 * by / step_s for rate, by in zip(row["rate"], off, strict=True)]
+                row |= {"hits": row["hits"] + 1, "seen_s": scan.time_s}
+        self.rows = [row for row in self.rows if scan.time_s - row["seen_s"] < 1.5]
+        ego = scan.ego
+        rate = [ego.speed_mps * math.cos(ego.heading_rad), ego.speed_mps * math.sin(ego.heading_rad)]
+        self.rows += [
+            {"id": next(self.ids), "place": list(place), "rate": rate, "hits": 1, "seen_s": scan.time_s}
+            for place in found
+        ]
+        place = np.array([row["place"] for row in self.rows]).reshape(-1, 2)
+        speed, one = np.array([math.hypot(*row["rate"]) for row in self.rows]), np.ones(len(self.rows))
+        states = np.array([int(row["hits"] >= 3) for row in self.rows], dtype=np.int8)
+        ids = np.array([row["id"] for row in self.rows], dtype=np.int64)
+        return Tracks(ids, *place.T, speed, 0.0 * one, 0.0 * one, 0.3 * one, 0.2 * one, one, one, states)
+
+
+def test_a_tracker_in_python_the_same_as_a_program_and_as_a_log_have_the_same_scores(tmp_path):
     scene = write_recorded_scene(tmp_path / "scene")
     program = [sys.executable, str(Path(__file__).parents[3] / "docs" / "examples" / "exec_tracker.py")]
     run = harness.run(replay=scene, tracker=f"exec:{shlex.join(program)}", out=tmp_path / "run")
@@ -207,6 +241,8 @@ def test_a_program_in_a_run_and_its_log_from_elsewhere_have_the_same_scores(tmp_
     pd.DataFrame(rows, columns=["time_s", *Tracks.__dataclass_fields__]).to_csv(tmp_path / "log.csv", index=False)
     assert score(tmp_path, run.folder, tmp_path / "log.csv") == 0
     assert metrics_of(tmp_path / "scored") == metrics_of(run.folder)
+    inside = harness.run(replay=scene, tracker=Inside, out=tmp_path / "inside")
+    assert metrics_of(inside.folder) == metrics_of(run.folder)
     for file in (tmp_path / "scans").iterdir():
         assert not {"truth_id", "vehicle_id", "visible_fraction", "near", "far"} & set(
             re.split(r"\W", file.read_text())
