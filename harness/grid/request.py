@@ -12,6 +12,7 @@ from harness.config.options import setting_of, setting_words
 from harness.grid.grid import GridRequest
 from harness.grid.worlds import USUAL
 from harness.truth.recorded.detected.av2 import argoverse_logs
+from harness.truth.recorded.detected.kitti import LABELS
 from harness.truth.recorded.fcd import declares_types
 
 
@@ -97,7 +98,8 @@ def _tracker_path(tracker: object) -> str:
 def _files_of(replay: Sequence[Path | str] | Path | str | None) -> list[Path]:
     """Return the files of recorded traffic; of a folder that is no recording itself, all that it holds."""
     files: list[Path] = []
-    for path in map(Path, [replay] if isinstance(replay, (str, Path)) else replay or ()):
+    for given in map(Path, [replay] if isinstance(replay, (str, Path)) else replay or ()):
+        path = given / LABELS if (given / LABELS).is_dir() else given
         logs = argoverse_logs(path)
         if logs:
             files += logs

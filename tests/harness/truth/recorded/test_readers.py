@@ -295,3 +295,12 @@ def test_a_few_vehicles_in_another_unit_are_refused_however_large_the_recording(
         row[11] *= 0.3048
     with pytest.raises(InputError, match=r"vehicle 149 .* units"):
         opened(write_ngsim_csv(tmp_path / "scene.csv", rows))
+
+
+def test_a_stress_test_of_a_kitti_folder_takes_each_sequence(tmp_path):
+    (tmp_path / "label_02").mkdir()
+    labels = [tmp_path / "label_02" / name for name in ("0000.txt", "0001.txt")]
+    for file in labels:
+        file.touch()
+    asked = request_of(dict.fromkeys(declared(GridOptions)) | {"replay": tmp_path})
+    assert asked.replay == tuple(map(str, labels))
