@@ -24,6 +24,7 @@ BESIDE = ("in_plain_view.recall", "in_plain_view.worst_tenth")
 REPORTED = (
     *("hidden", "mot", "gospa_remembered", *BESIDE, "in_plain_view.median_first_report_s"),
     *("in_plain_view.p90_first_report_s", "in_plain_view.stopped_recall", "calibration", "existence_calibration"),
+    *("motion.visible.jerk_mps3", "motion.hidden.jerk_mps3", "motion.visible.jump_m", "motion.hidden.jump_m"),
     *("manoeuvre", "decisions", "hidden_by", "unseen_turns", "pseudo_occlusion", "never_seen.log_skill_percent"),
 )
 IN_WORDS = {"mot.id_switches": {"label": "identity switches in sight", "decimals": 0}}

@@ -32,6 +32,7 @@ class TruthRows:
         detected: At least one detection came from the vehicle at this step.
         direction_rad: Direction against the longitudinal axis that its gates and errors are taken along; 0 on a road
             that has a frame of its own.
+        accel_mps2: Longitudinal acceleration; None where the table does not tell.
         parked: Whether the vehicle stands in one place for as long as it is on record; None where the source does not
             tell.
         pseudo_hidden_s: Length of the time for which the vehicle is hidden on purpose, 0 where it is not; None where no
@@ -50,6 +51,7 @@ class TruthRows:
     state: IntArray
     detected: BoolArray
     direction_rad: FloatArray
+    accel_mps2: FloatArray | None = None
     parked: BoolArray | None = None
     pseudo_hidden_s: FloatArray | None = None
 
@@ -77,6 +79,7 @@ class TrackRows:
         std_lat_m: Standard deviation of the lateral position.
         std_speed_mps: Standard deviation of the speed.
         unknowable: At or beyond the edge of what the source knows of the road, so that no vehicle there is on record.
+        accel_mps2: Longitudinal acceleration; None where the table does not tell.
     """
 
     step: IntArray
@@ -91,6 +94,7 @@ class TrackRows:
     std_lat_m: FloatArray
     std_speed_mps: FloatArray
     unknowable: BoolArray
+    accel_mps2: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.step)
@@ -204,6 +208,7 @@ def read_run(
             state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
             detected=detected,
             direction_rad=np.zeros(len(rows)) if direction is None else direction[rows],
+            accel_mps2=_floats(truth, "accel_mps2")[rows] if "accel_mps2" in truth else None,
             parked=truth["parked"].to_numpy(dtype=bool)[rows] if "parked" in truth else None,
             pseudo_hidden_s=_floats(truth, "pseudo_hidden_s")[rows] if "pseudo_hidden_s" in truth else None,
         ),
@@ -264,6 +269,7 @@ def _reported_tracks(
         std_lat_m=_floats(tracks, "std_lat_m")[rows],
         std_speed_mps=_floats(tracks, "std_speed_mps")[rows],
         unknowable=~_inside(lon, windows, step),
+        accel_mps2=_floats(tracks, "accel_mps2")[rows] if "accel_mps2" in tracks else None,
     )
 
 

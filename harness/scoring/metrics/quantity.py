@@ -12,7 +12,7 @@ from harness.common.intervals import Possible
 OF_SOME_RUNS = frozenset(
     {
         *("manoeuvre", "hidden_by", "unseen_turns", "gaps", "pseudo_occlusion", "decisions", "never_seen"),
-        *("in_plain_view", "existence_calibration", "calibration"),
+        *("in_plain_view", "existence_calibration", "calibration", "motion"),
     }
 )
 """Metrics that need a map, real detections, a driver or expectations, and those that older runs lack."""

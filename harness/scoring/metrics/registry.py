@@ -27,6 +27,7 @@ from harness.scoring.metrics import (
     mae,
     manoeuvre,
     mot,
+    motion,
     never_seen,
     occlusion,
     pseudo_occlusion,
@@ -96,6 +97,7 @@ register("hidden_outcomes", *hidden_outcomes.QUANTITIES)(
     InParts(hidden_outcomes.measure_outcomes, hidden_outcomes.outcomes_while_hidden)
 )
 register(manoeuvre.NAME, *manoeuvre.QUANTITIES)(InParts(manoeuvre.measure_manoeuvres, manoeuvre.scores_by_manoeuvre))
+register(motion.NAME, *motion.QUANTITIES)(InParts(motion.measure_motion, motion.quality_of_motion))
 register("decisions", *decisions.QUANTITIES)(InParts(decisions.measure_decisions, decisions.decisions))
 register("conflicts")(InParts(conflicts.measure_conflicts, conflicts.conflicts))
 register(hidden_by.NAME, *hidden_by.QUANTITIES)(InParts(hidden_by.measure_causes, hidden_by.scores_by_cause))

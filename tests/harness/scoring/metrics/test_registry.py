@@ -74,7 +74,7 @@ def unseen():
 
 
 # On every road, and optional since runs that are older have none of it.
-YOUNGER = ("in_plain_view.", "existence_calibration.", "calibration.")
+YOUNGER = ("in_plain_view.", "existence_calibration.", "calibration.", "motion.")
 
 
 def test_what_a_metric_tells_of_its_numbers_is_among_its_numbers(tables):

@@ -1,0 +1,108 @@
+"""Quality of motion: how smoothly tracks move, and how well they tell acceleration and heading, by visibility.
+
+A step counts if the same track followed the vehicle at the step before as well (and before that, for jerk).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.mae import STATES
+from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.quantity import Quantity
+from harness.storage.schema import HIDDEN
+from mmpf.numerics.arrays import BoolArray, FloatArray
+
+NAME = "motion"
+LARGE_JUMP_M, MOVING_MPS = 1.0, 2.0
+LABELS = {
+    "jerk_mps3": "jerk of tracks, root mean square{}, m/s³",
+    "jump_m": "change of a track's position error from step to step{}, m",
+    "large_jumps_percent": "steps at which the position error changes by more than 1 m{}, %",
+    "accel_mps2": "acceleration error{}, m/s²",
+    "heading_deg": "heading error of moving vehicles{}, °",
+}
+QUANTITIES = tuple(
+    Quantity(f"{NAME}.{state}.{name}", label.format(f", {state}"), decimals=2, weight=f"{NAME}.{state}.n")
+    for state in ("visible", "hidden")
+    for name, label in LABELS.items()
+)
+MEASURED = ("jerk", "true_jerk", "jump", "large", "accel", "heading")
+
+
+def measure_motion(evidence: Evidence) -> FloatArray:
+    """Return sum and number of each of ``MEASURED`` in a stretch for each of ``STATES``, shape (4, 6, 2)."""
+    rows, errors, matching = evidence.rows, evidence.errors, evidence.matching
+    kept, truth, tracks = scored_rows(rows, evidence.history, evidence.settings), rows.truth, rows.tracks
+    followed = np.where(errors.state == HIDDEN, matching.holder_row[kept], matching.track_row[kept])
+    chosen = errors.tracked
+    kept, followed, state = kept[chosen], followed[chosen], errors.state[chosen]
+    order = np.lexsort((truth.step[kept], truth.vehicle[kept]))
+    kept, followed, state = kept[order], followed[order], state[order]
+    again = np.zeros(len(kept), dtype=bool)
+    again[1:] = (
+        np.equal(np.diff(truth.vehicle[kept]), 0)
+        & np.equal(np.diff(tracks.track[followed]), 0)
+        & np.equal(np.diff(truth.step[kept]), 1)
+    )
+    third = again & np.append(False, again)[:-1]
+    step_s = _difference(truth.time_s[kept])
+
+    def jerk_of(speed: FloatArray) -> FloatArray:
+        return _difference(_difference(speed) / step_s) / step_s
+
+    jump = np.hypot(
+        _difference(tracks.lon_m[followed] - truth.lon_m[kept]), _difference(tracks.lat_m[followed] - truth.lat_m[kept])
+    )
+    turn = _course(tracks.lat_speed_mps[followed], tracks.speed_mps[followed])
+    turn = np.abs(turn - _course(truth.lat_speed_mps[kept], truth.speed_mps[kept]))
+    moves = (truth.speed_mps[kept] >= MOVING_MPS) & (rows.ego_direction_rad is None)
+    accel = np.full(len(kept), np.nan)
+    if truth.accel_mps2 is not None and tracks.accel_mps2 is not None:
+        accel = np.abs(tracks.accel_mps2[followed] - truth.accel_mps2[kept])
+    values: list[tuple[FloatArray, BoolArray]] = [
+        (jerk_of(tracks.speed_mps[followed]) ** 2, third), (jerk_of(truth.speed_mps[kept]) ** 2, third),
+        (jump, again), (np.where(jump > LARGE_JUMP_M, 100.0, 0.0), again), (accel, again),
+        (np.degrees(np.minimum(turn, 2.0 * np.pi - turn)), again & moves),
+    ]  # fmt: skip
+    table = np.zeros((len(STATES), len(MEASURED), 2))
+    for place, codes in enumerate(STATES.values()):
+        for which, (value, counts) in enumerate(values):
+            own = value[counts & np.isin(state, codes) & np.isfinite(value)]
+            table[place, which] = own.sum(), len(own)
+    return table
+
+
+def quality_of_motion(parts: Sequence[FloatArray], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return the scores of all vehicles and by visibility.
+
+    Returns:
+        For each of ``STATES``: ``jerk_mps3``, root mean square of the second difference of a track's speed by time,
+        and ``true_jerk_mps3`` of the vehicles followed; ``jump_m``, mean length of the change of a track's position
+        error from one step to the next, and ``large_jumps_percent``, the share above 1 m; ``accel_mps2``, mean absolute
+        error of the acceleration that a track states; ``heading_deg``, that of the direction of its speed, of vehicles
+        at 2 m/s or more, on roads with a frame of their own; ``n``, vehicle-steps. nan where there is nothing.
+    """
+    total = np.sum(parts, axis=0)
+    table: dict[str, object] = {}
+    for name, sums in zip(STATES, total, strict=True):
+        mean = {each: ratio(*pair) for each, pair in zip(MEASURED, sums.tolist(), strict=True)}
+        table[name] = {
+            "jerk_mps3": float(np.sqrt(mean["jerk"])), "true_jerk_mps3": float(np.sqrt(mean["true_jerk"])),
+            "jump_m": mean["jump"], "large_jumps_percent": mean["large"], "accel_mps2": mean["accel"],
+            "heading_deg": mean["heading"], "n": int(sums[MEASURED.index("jump"), 1]),
+        }  # fmt: skip
+    return table
+
+
+def _difference(values: FloatArray) -> FloatArray:
+    """Return each value less the one before it, nan for the first, shape (n,)."""
+    return np.diff(values, prepend=np.nan)
+
+
+def _course(lat_speed_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    return np.asarray(np.arctan2(lat_speed_mps, speed_mps))
