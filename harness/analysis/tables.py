@@ -98,7 +98,7 @@ def print_result(
 
 HOTA_NOTE = (
     "HOTA is by position (similarity falls to 0 at 4 m along the road and 2 m across), not by overlap of boxes: other "
-    "programs' numbers are others (docs/scores.md)."
+    "programs' numbers are others (docs/explanation/scores.md)."
 )
 DEFINITION = (
     f"A tracker breaks where, with growing density, fewer than {BREAK_PERCENT:g} % of the occluded vehicles have their "
