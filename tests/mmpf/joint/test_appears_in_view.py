@@ -8,7 +8,19 @@ import pytest
 from mmpf import Detections, EgoPose, MixtureTracker, Scan, SensorModel, highway, motion_model
 from mmpf.tracks import TENTATIVE
 
-FLOW_MPS, APPEARS_S = 20.0, 3.0
+FLOW_MPS, APPEARS_S = 20.0, 8.0
+FALSE_OBJECTS, FALSE_LIFE_S = 4, 2.0
+
+
+def false_places(time_s: float, rng: np.random.Generator) -> list[tuple[float, int]]:
+    """Four false objects at a time that move with the traffic: what appears in plain view is first taken for one."""
+    begun_s = time_s - 0.5 - FALSE_LIFE_S / FALSE_OBJECTS * np.arange(FALSE_OBJECTS)
+    found = []
+    for number, life in enumerate(np.floor(begun_s / FALSE_LIFE_S).astype(int)):
+        place = np.random.default_rng([number, life + 1])
+        if begun_s[number] >= 0.0 and rng.random() < 0.6:
+            found.append((float(place.uniform(12.0, 55.0) * place.choice([-1, 1])), 3))
+    return found
 
 
 @pytest.mark.parametrize(("probability", "within_s"), [(0.97, 2.0), (0.6, 3.0), (0.35, 5.0)])
@@ -16,13 +28,15 @@ FLOW_MPS, APPEARS_S = 20.0, 3.0
 def test_a_vehicle_that_appears_in_plain_view_is_reported(probability: float, within_s: float, seed: int) -> None:
     rng, road = np.random.default_rng(seed), highway(lanes=5)
     lateral = [lane.centre_m for lane in road.lanes]
-    tracker = MixtureTracker(road, SensorModel(range_m=100.0), motion_model("cvm"), np.random.default_rng(seed))
+    sensor = SensorModel(range_m=100.0, clutter_per_scan=5.0)
+    tracker = MixtureTracker(road, sensor, motion_model("cvm"), np.random.default_rng(seed))
     others = [(60.0 * side, lateral[k]) for k in (0, 4) for side in (-1, 0, 1)]
     reported_s = None
     for step in range(int(10 * (APPEARS_S + within_s)) + 1):
         time_s = 0.1 * step
         ego_m = FLOW_MPS * time_s
         places = [(ego_m + ahead, lat) for ahead, lat in others]
+        places += [(ego_m + ahead, lateral[lane]) for ahead, lane in false_places(time_s, rng)]
         newcomer = (ego_m + 25.0, lateral[1])
         if time_s >= APPEARS_S and rng.random() < probability:
             places.append(newcomer)
