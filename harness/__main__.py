@@ -5,10 +5,15 @@ from __future__ import annotations
 import sys
 
 from harness.common.signals import code_of_end, ends_like_ctrl_c, ignore_ends
+from harness.common.watching import watched
 
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
+    sys.exit(watched(sys.argv[1:], _command))
+
+
+def _command() -> int:
     with ends_like_ctrl_c():
         try:
             # Only now: to be told to end while modules are read is no error either.
@@ -19,7 +24,7 @@ def main() -> None:
             code = code_of_end()
         # All is done and told: what ends the process from here on must not look like an error.
         ignore_ends()
-    sys.exit(code)
+    return code
 
 
 if __name__ == "__main__":

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from harness.common.error_text import what_it_raised
+from harness.common.isolation import Limits, isolated
 from harness.trackers.protocol import TrackerSetting
+from mmpf.motion.gmm.model_file import ModelFileError
 from mmpf.motion.learned.driver import empirical_driver, load_learned_driver, residual_driver
 from mmpf.motion.learned.short_driver import load_short_driver
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models
@@ -57,7 +59,17 @@ def _motion_model(name: str, file: Path | None) -> MotionModel:
         return model() if name in motion_models.own else _checked(name, model)
     if name not in MODEL_LOADERS:
         raise ValueError(f"model_file: the model {name!r} is not read from a file; choose {' or '.join(MODEL_LOADERS)}")
-    return MODEL_LOADERS[name](file)
+
+    def read() -> MotionModel | ModelFileError:
+        try:
+            return MODEL_LOADERS[name](file)
+        except ModelFileError as error:
+            return error
+
+    model_read = isolated(read, f"model file {file}", Limits.for_files([file]))
+    if isinstance(model_read, ModelFileError):
+        raise model_read
+    return model_read
 
 
 def _checked(name: str, factory: MotionModelFactory) -> MotionModel:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
 import sys
+import time
 
 import pandas as pd
 import pytest
@@ -103,3 +107,42 @@ def test_a_tracker_changes_neither_what_is_recorded_nor_the_road_that_is_scored(
     after = pd.read_parquet(tmp_path / "out" / "detections.parquet")
     assert after["lon_m"].tolist() == before["lon_m"].tolist()
     assert (scene / "road.json").read_text() == (tmp_path / "out" / "road.json").read_text()
+
+
+def started(folder, scene, step):
+    (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make="pass"))
+    words = ["run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", str(folder / "out")]
+    paths = os.pathsep.join((str(folder), *filter(None, sys.path)))
+    env = {**os.environ, "PYTHONPATH": paths}
+    return subprocess.Popen([sys.executable, "-m", "harness", *words], env=env, stderr=-1, text=True)
+
+
+ENDS = {
+    "os._exit(0)": "ended it with exit code 0",
+    "if os.fork() == 0: os.kill(os.getppid(), 9)": "crashed it (SIGKILL)",
+    "__import__('ctypes').string_at(0)": "crashed it (SIGSEGV)",
+}
+
+
+@pytest.mark.parametrize("step", ENDS)
+def test_a_tracker_that_ends_the_process_is_one_line(step, tmp_path, scene):
+    process = started(tmp_path, scene, step)
+    told = process.communicate(timeout=120)[1].splitlines()
+    assert process.returncode == 3
+    assert told[-1].startswith("error: bad:make: ")
+    assert ENDS[step] in told[-1]
+    assert sum(line.startswith("error:") for line in told) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_command_with_a_tracker_from_elsewhere_ends_by_signals_as_others_do(end, code, tmp_path, scene):
+    here = tmp_path / "here"
+    process = started(tmp_path, scene, f"open({str(here)!r}, 'w').close(); __import__('time').sleep(60)")
+    while not here.exists() and process.poll() is None:
+        time.sleep(0.05)
+    process.send_signal(end)
+    told = process.communicate(timeout=60)[1].splitlines()
+    assert process.returncode == code
+    assert len(told) == 1
+    assert told[0].startswith("interrupted")
