@@ -62,7 +62,9 @@ class Limits:
     @classmethod
     def for_files(cls, files: Iterable[Path]) -> Limits:
         """Return limits in proportion with what files take on the disk, however much they hold when unpacked."""
-        size = sum(file.stat().st_size for file in files if file.is_file())
+        told = [file.stat() for file in files if file.is_file()]
+        # A file with holes is larger than what it takes.
+        size = sum(min(each.st_size, 512 * each.st_blocks) for each in told)
         return cls(cls.memory_bytes + 12 * size, cls.cpu_s + 2 * (size // MB))
 
 

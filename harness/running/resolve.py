@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,7 @@ def resolve_run_config(
         check_modules(table_of_file(config_file), merged(None, options or {}, settings), config_file)
     replay = table.get("replay")
     if isinstance(replay, str):
-        path = example(checked_path(Path(replay), "replay")).resolve()
+        path = Path(os.path.realpath(example(checked_path(Path(replay), "replay"))))
         part = _recorded_part(path, table) if runfolder.is_run_folder(path) else _recorded_traffic_part(path, table)
         table |= part | {"replay": str(path)}
     elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):

@@ -143,3 +143,9 @@ def test_what_a_fork_starts_ends_with_it():
             return
         time.sleep(0.05)
     pytest.fail("it lives on")
+
+
+def test_a_file_with_holes_gives_no_right_to_more_memory(tmp_path):
+    with (tmp_path / "holes").open("wb") as file:
+        file.truncate(6 << 30)
+    assert Limits.for_files([tmp_path / "holes"]) == Limits()
