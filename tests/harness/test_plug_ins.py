@@ -172,7 +172,7 @@ def test_an_export_format_of_another_package_is_found_by_its_name_or_its_place(n
     assert file == folder / "export" / name.replace(":", "-") / "speeds.txt"
     assert "near 20.00" in file.read_text()
     assert export_run(folder, name) == [file]
-    with pytest.raises(harness.InputError, match=r"choose from csv, .*, speeds, or module:function"):
+    with pytest.raises(harness.InputError, match=r"choose from .*csv, .*, speeds, or module:function"):
         export_run(folder, "sped")
 
 

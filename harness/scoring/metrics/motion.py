@@ -50,7 +50,7 @@ def measure_motion(evidence: Evidence) -> FloatArray:
         & np.equal(np.diff(truth.step[kept]), 1)
     )
     third = again & np.append(False, again)[:-1]
-    step_s = _difference(truth.time_s[kept])
+    step_s = np.where(again, _difference(truth.time_s[kept]), np.nan)
 
     def jerk_of(speed: FloatArray) -> FloatArray:
         return _difference(_difference(speed) / step_s) / step_s

@@ -23,7 +23,16 @@ from mmpf.options.base import fields_of, unit_of
 from mmpf.options.filter import FilterOptions
 
 CLASSES = [RunConfig, SensorSettings, *(tracker_options(name) for name in available_trackers())]
-PURE_NUMBERS = ("persistent_clutter", "_share", "_fraction", "_factor", "_probability", "_log_odds", "_scans")
+PURE_NUMBERS = (
+    "persistent_clutter",
+    "_share",
+    "_fraction",
+    "_factor",
+    "_probability",
+    "_log_odds",
+    "_scans",
+    "_separation",
+)
 
 
 def by_key(word: str, kind: str) -> dict[str, Setting]:

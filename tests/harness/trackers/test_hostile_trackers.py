@@ -114,7 +114,13 @@ def started(folder, scene, step):
     words = ["run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", str(folder / "out")]
     paths = os.pathsep.join((str(folder), *filter(None, sys.path)))
     env = {**os.environ, "PYTHONPATH": paths}
-    return subprocess.Popen([sys.executable, "-m", "harness", *words], env=env, stderr=-1, text=True)
+    return subprocess.Popen(
+        [sys.executable, "-m", "harness", *words],
+        env=env,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )
 
 
 ENDS = {
