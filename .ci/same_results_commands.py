@@ -62,9 +62,9 @@ DRIVES = {
     "drive-stopped": "--provoke stopped --density 15 --flow 15",
     "drive-dark": "--provoke dark --density 20",
 }
-FORMATS = ("csv", "fcd", "mot", "mcap", "osi", "rerun")
+FORMATS = ("csv", "fcd", "mot", "mcap", "autoware", "osi", "rerun")
 HELPED = (
-    *("run", "nets", "settings", "report", "export", "compare", "stress", "drive", "study", "bench", "reference"),
+    *("run", "nets", "settings", "report", "export", "compare", "stress", "drive", "study", "bench"),
     *("train", "fidelity", "calibrate"),
 )
 REFUSED = {

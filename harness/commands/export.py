@@ -17,7 +17,8 @@ class Options(TypedDict):
 
     folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
     to: Annotated[
-        str | None, Option("mot, kitti, fcd, csv, rerun, mcap, osi, scans or module:function.", metavar="FORMAT")
+        str | None,
+        Option("mot, kitti, fcd, csv, rerun, mcap, autoware, osi, scans or module:function.", metavar="FORMAT"),
     ]
     video: Annotated[Path | None, Option("Write a top-view video to this MP4 file.")]
     out: Annotated[
@@ -34,7 +35,8 @@ def command(options: Options) -> None:
     mot: MOTChallenge text for TrackEval. kitti: tracks of a kitti-tracking
     recording for AB3DMOT's evaluation. fcd: SUMO floating-car data.
     csv: every table. rerun: a recording for the rerun viewer. mcap: a
-    recording for Foxglove. osi: ASAM OSI ground truth and sensor data.
+    recording for Foxglove. autoware: a ROS 2 bag of Autoware's messages.
+    osi: ASAM OSI ground truth and sensor data. scans: what a tracker sees.
     --video: a top-view video.
 
     Examples:

@@ -142,7 +142,8 @@ def _summary_of(registry: Registry[Any], name: str) -> str:
 
 def _summary(thing: object) -> str:
     if isinstance(thing, functools.partial):
-        return f"{_summary(thing.func).rstrip('.')}: {thing.keywords.get('name', thing.args[0])}."
+        given = [thing.keywords["name"]] if "name" in thing.keywords else thing.args[:1]
+        return ": ".join([_summary(thing.func).rstrip("."), *map(str, given)]) + "."
     summary = (inspect.getdoc(thing) or "").partition("\n\n")[0].removeprefix("Return ")
     return summary[:1].upper() + summary[1:]
 

@@ -1,8 +1,8 @@
 """A run as an MCAP bag of ROS 2 with Autoware's messages: detections, tracks, the ego's transform, and the clock.
 
-ROS is not needed: ``mcap-ros2-support`` encodes the messages as CDR. Positions are in the frame ``map``, the plane of
-the network; speeds and accelerations are along an object's own heading and across it, as in Autoware. Nothing in the
-bag is of the truth but the ego's pose, which its own odometry tells.
+ROS is not needed: ``mcap-ros2-support`` encodes the messages as CDR. Positions are in metres in the frame ``map``, the
+plane of the network; speeds and accelerations are along an object's own heading and across it, as in Autoware. Nothing
+in the bag is of the truth but the ego's pose, which its own odometry tells.
 """
 
 from __future__ import annotations
@@ -39,7 +39,15 @@ Message = dict[str, Any]
 
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
-    """Write ``autoware.mcap``; its topics are ``TOPICS``."""
+    """Write ``autoware.mcap``; its topics are ``TOPICS``.
+
+    Args:
+        run: A finished run.
+        folder: An existing folder.
+
+    Returns:
+        The file.
+    """
     clock, tf, detection, tracking = TOPICS
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     poses = dict(zip(ego["step"].tolist(), np.column_stack(run.in_plane(ego)).tolist(), strict=True))
@@ -124,6 +132,8 @@ def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
     along, existence = floats(tracks, "std_speed_mps"), _column(tracks, "existence", 1.0)
     x, y, heading = run.in_plane(tracks)
     turned = _directions(run, tracks)
+    # In the plane the tables do not say which way a track heads.
+    orientation = UNAVAILABLE if run.road.has_headings else AVAILABLE
     return [
         {
             "object_id": {"uuid": [*int(episode[k]).to_bytes(8), *int(number[k]).to_bytes(8, signed=True)]},
@@ -132,7 +142,7 @@ def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
                 "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], turned[k]),
                 "twist_with_covariance": _rates("twist", (speed[k], lat_speed[k]), (along[k], 0.0)),
                 "acceleration_with_covariance": _rates("accel", (accel[k], 0.0), (0.0, 0.0)),
-                "orientation_availability": AVAILABLE,
+                "orientation_availability": orientation,
                 "is_stationary": bool(np.hypot(speed[k], lat_speed[k]) < STILL_MPS),
             },
         }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
 from harness.running.recorder import frame_of
 from harness.sensor.detector import states_of, view_of
@@ -71,10 +70,7 @@ def _step_of(clock: pd.DataFrame) -> float:
 
 def filled(rows: pd.DataFrame, column: str, usual: FloatArray) -> FloatArray:
     """Return a column, shape (n,), with the usual values where it is missing or not finite."""
-    try:
-        values = rows[column].to_numpy(dtype=np.float64) if column in rows else np.full(len(rows), np.nan)
-    except (ValueError, TypeError) as error:
-        raise InputError(f"the column {column} of the log holds what is no number ({error}); fix it") from None
+    values = rows[column].to_numpy(dtype=np.float64) if column in rows else np.full(len(rows), np.nan)
     return np.where(np.isfinite(values), values, usual)
 
 

@@ -7,6 +7,7 @@ counts as detected, where it is.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,6 +37,7 @@ from mmpf.map.lane_graph import without_map
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
+NUMBERS = re.compile(r"_(m|s|mps|mps2|rad)$|^existence$")
 STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
@@ -100,7 +102,7 @@ def score_logs(logs: Logs, out: Path | None, force: bool, command: str) -> tuple
     begin = perf_counter()
     name = logs["name"] or logs["tracks"].name.partition(".")[0]
     against = _of_run(logs, name) if runfolder.is_run_folder(logs["truth"]) else _of_files(logs, name)
-    rows = _log(logs, TRACKS, logs["tracks"]).read()
+    rows = _rows(_log(logs, TRACKS, logs["tracks"]))
     tracks, report = _tracks_at(rows, against)
     config, looks = against.config.tracked_by(_hand_out(tracks)), against.looks
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
@@ -137,6 +139,21 @@ def _log(logs: Logs, role: str, path: Path) -> LogFile:
     return LogFile(path, role, logs["format"], logs["step"], ego)
 
 
+def _rows(log: LogFile) -> pd.DataFrame:
+    """Return the rows of a log, with numbers in each column that has a unit in its name.
+
+    Raises:
+        InputError: A file can't be read, or such a column holds something else than numbers.
+    """
+    rows = log.read()
+    for column in (name for name in rows if NUMBERS.search(str(name))):
+        try:
+            rows[column] = rows[column].astype(np.float64)
+        except (ValueError, TypeError) as error:
+            raise InputError(f"`{log.role}`: {log.path}: the column {column} holds no number: {error}") from None
+    return rows
+
+
 def _of_run(logs: Logs, name: str) -> Scored:
     """Return what is scored against the truth and the detections of a run's folder."""
     for option in ("detections", "ego", "sensor"):
@@ -152,7 +169,7 @@ def _of_run(logs: Logs, name: str) -> Scored:
 def _of_files(logs: Logs, name: str) -> Scored:
     """Return what is scored against files."""
     source = _log(logs, TRUTH, logs["truth"])
-    rows = source.read()
+    rows = _rows(source)
     road_file = logs["truth"].parent / runfolder.ROAD
     has_road = road_file.is_file() and "sample_token" not in rows
     road = runfolder.read_road(road_file, TRUTH) if has_road else LaneGraphRoad(graph=without_map())
@@ -176,7 +193,7 @@ def _of_files(logs: Logs, name: str) -> Scored:
     truth, clock = truth_table(rows, road, figures)
     found = None
     if logs["detections"] is not None:
-        found = _with_times(_log(logs, DETECTIONS, logs["detections"]).read(), moments)
+        found = _with_times(_rows(_log(logs, DETECTIONS, logs["detections"])), moments)
     try:
         looks = looks_of(truth, detection_table(found, truth, clock), road, figures)
     except ValueError as error:

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 import harness
 from harness.commands.app import run_command_line
@@ -185,6 +187,28 @@ def test_a_bag_of_autoware_s_messages_is_read_back_with_the_same_scores(tmp_path
     np.testing.assert_allclose(found[["lon_m", "lat_m"]], run.detections[["lon_m", "lat_m"]], atol=1e-9)
     ego = run.truth[run.truth["is_ego"]]
     np.testing.assert_allclose(read_bag(bag, "ego", None)[["lon_m", "lat_m"]], ego[["lon_m", "lat_m"]], atol=1e-9)
+
+
+def test_a_track_in_the_plane_has_no_heading_in_a_bag_of_autoware_s_messages(tmp_path):
+    run = harness.run(replay="pandaset", tracker="oracle-kalman", duration=1.0, out=tmp_path / "run")
+    (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
+    topic = "/perception/object_recognition/tracking/objects"
+    with bag.open("rb") as file:
+        messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=[topic])
+        known = {each.kinematics.orientation_availability for *_, message in messages for each in message.objects}
+    assert known == {0}
+
+
+@pytest.mark.parametrize("column", ["lon_m", "speed_mps", "existence"])
+def test_a_text_in_a_number_column_of_a_log_is_one_line(column, tmp_path, run, capsys):
+    log = run.tracks.astype({column: object})
+    log.loc[3, column] = "0.5\ufeff"
+    log.to_csv(tmp_path / "log.csv", index=False)
+    assert score(tmp_path, run.folder, tmp_path / "log.csv") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error:")
+    assert "log.csv" in line
+    assert "0.5" in line
 
 
 def run_export(folder: Path, out: Path, to: str = "mcap") -> list[Path]:

@@ -254,3 +254,11 @@ def test_floating_car_data_on_a_network_of_many_roads_is_one_clear_line(tmp_path
     with pytest.raises(InputError, match="with a main road") as error:
         read_fcd(tmp_path / "fcd.xml", str(tmp_path / "own.sumocfg"))
     assert "\n" not in str(error.value)
+
+
+def test_a_recording_that_is_a_link_to_itself_is_one_line(tmp_path, capsys):
+    link = tmp_path / "loop.csv"
+    link.symlink_to(link)
+    assert run_command_line(["run", "--replay", str(link)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "loop.csv" in line
