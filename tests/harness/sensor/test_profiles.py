@@ -76,7 +76,7 @@ def test_settings_cannot_be_changed_after_they_are_made():
 
 def test_the_page_on_the_sensor_tells_the_rates_that_the_profiles_have():
     lines = [line.strip("|").split("|") for line in PAGE.read_text(encoding="utf-8").splitlines() if "`" in line]
-    header = next(cells for cells in lines if cells[0].strip() == "failing")
+    header = next(cells for cells in lines if cells[0].strip() == "failure")
     profiles = [sensor_settings(cell.strip(" `"), {}) for cell in header[2:]]
     rows = [cells for cells in lines if len(cells) == len(header) and cells is not header]
     assert len(rows) >= 10
