@@ -1,4 +1,4 @@
-"""What trackers, metrics, drivers, sensors, readers and formats of other packages are written with.
+"""The public names for plug-ins: trackers, metrics, drivers, sensors, readers and export formats.
 
 Together with ``harness`` and ``mmpf`` this is all that stays where it is: a name is imported from here, never from
 deeper. The names stand in ``plugins.pyi`` and are imported on first use, so that the import alone costs nothing.

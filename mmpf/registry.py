@@ -1,4 +1,4 @@
-"""Tables of named things that are found when they are asked for: those that come along, and those that packages add."""
+"""Registries of named things that load on demand: built-in ones and those of other packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a tracker is given: one scan of detections, the sensor's pose, and what is known of the sensor.
+"""The tracker's input: a scan of detections, the sensor's pose, and the sensor's data sheet.
 
 Nothing here says which vehicle a detection came from.
 """

@@ -1,1 +1,1 @@
-"""From rows of results to statements: curves, tables, costs of mismatches, and whether B is better than A."""
+"""Turns rows of results into curves, tables, costs of mismatches, and verdicts on B against A."""

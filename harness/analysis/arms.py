@@ -1,4 +1,4 @@
-"""The values of a metric in both arms, and the difference that they tell."""
+"""The values of a metric in both arms of a comparison, and their difference."""
 
 from __future__ import annotations
 

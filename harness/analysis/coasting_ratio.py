@@ -1,4 +1,4 @@
-"""Errors of hidden vehicles on common vehicle-steps: each tracker beside coasting, which all of them are held against.
+"""Ratio of each tracker's hidden error to that of constant velocity, on common vehicle-steps.
 
 Trackers that let go of different vehicles have mean errors over different vehicle-steps. Against one reference, on the
 steps that tracker and reference both follow, their errors can be set beside each other.

@@ -1,4 +1,4 @@
-"""A comparison as Markdown for a comment, and as a coloured table for the screen."""
+"""A comparison as Markdown for a comment, and as a coloured table for the terminal."""
 
 from __future__ import annotations
 

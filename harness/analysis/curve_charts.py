@@ -1,4 +1,4 @@
-"""Charts of a grid: each tracker's curves over what was varied, density for one, whose points lead to their runs."""
+"""Charts of a grid: a curve per tracker over what was varied; points link to their runs."""
 
 from __future__ import annotations
 

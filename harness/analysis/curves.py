@@ -1,4 +1,4 @@
-"""What a grid tells: each tracker's curves over every axis with intervals over seeds, and where each tracker breaks."""
+"""Each tracker's curves over every varied setting, with intervals over seeds, and where each tracker fails."""
 
 from __future__ import annotations
 

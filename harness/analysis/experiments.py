@@ -1,4 +1,4 @@
-"""Whether two folders hold the same experiment: settings, code and models that differ, and what their pairs saw."""
+"""Whether two folders hold the same experiment: which settings, code and model files differ."""
 
 from __future__ import annotations
 

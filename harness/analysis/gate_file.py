@@ -1,4 +1,4 @@
-"""A file of what a gate asks for: which metrics are judged, with which tolerances, floors and ceilings."""
+"""The gate file: which metrics are judged, with which tolerances, floors and ceilings."""
 
 from __future__ import annotations
 

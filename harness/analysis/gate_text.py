@@ -1,4 +1,4 @@
-"""A comparison for a machine that gates changes: JUnit's XML, and a summary for a comment."""
+"""A comparison for CI: JUnit XML, and a summary for a comment."""
 
 from __future__ import annotations
 

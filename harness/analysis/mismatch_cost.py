@@ -1,4 +1,4 @@
-"""What it costs trackers that the world is not as they believe, over the worlds of ``harness.grid.worlds``."""
+"""What each mismatch between world and tracker costs, over the worlds of ``harness.grid.worlds``."""
 
 from __future__ import annotations
 

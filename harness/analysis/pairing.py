@@ -1,4 +1,4 @@
-"""Which runs of two grids belong together, and what of them is independent."""
+"""Pairs the runs of two grids, and says which pairs are independent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One table over all files of recorded traffic: each tracker's scores pooled, with intervals over the files."""
+"""Scores of each tracker pooled over all recordings of a folder, with intervals over the recordings."""
 
 from __future__ import annotations
 

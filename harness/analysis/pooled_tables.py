@@ -1,4 +1,4 @@
-"""The pooled scores over recorded traffic as Markdown."""
+"""The pooled scores as Markdown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What scoring finds out about a run, made anew from the tables of its folder."""
+"""Recomputes the scores of a run from the tables in its folder."""
 
 from __future__ import annotations
 

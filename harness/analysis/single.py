@@ -1,4 +1,4 @@
-"""Two single runs on the same traffic, compared vehicle by vehicle."""
+"""Compares two single runs on the same traffic, vehicle by vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is compared: the rows of a run folder or of a stress folder, or of one tracker of it."""
+"""The two sides of a comparison: the rows of a run folder or a stress folder, or of one tracker in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of a grid: Markdown for a file, rich for the screen."""
+"""The tables of a grid: Markdown for a file, rich text for the terminal."""
 
 from __future__ import annotations
 

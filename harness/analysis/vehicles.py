@@ -1,4 +1,4 @@
-"""Two runs on the same traffic: what each vehicle adds to their difference, and which vehicles go in company.
+"""What each vehicle contributes to the difference of two runs, and which vehicles are not independent.
 
 A run's metric is a ratio of sums over vehicles, or a smooth function of such sums, so each vehicle's share of its
 uncertainty is its influence: the derivative along that vehicle's own sums. Vehicles near each other see the same lorry

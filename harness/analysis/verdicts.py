@@ -1,4 +1,4 @@
-"""From a difference and its uncertainty to a verdict on each metric that was named beforehand.
+"""Turns a difference and its uncertainty into a verdict on each metric that is judged.
 
 A verdict is one of three: worse; no worse than the tolerance, shown by an interval that lies within it; undecided. The
 tests of worse and better share one level of 5 % by Holm's method; that of no worse needs no such correction, since all

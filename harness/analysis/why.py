@@ -1,4 +1,4 @@
-"""Why two runs on the same detections differ: each identity switch and each lost track with its cause.
+"""Why two runs on the same detections differ: the cause of each identity switch and each lost track.
 
 Causes are told from what every tracker reports, tracks and nothing of its insides, so rivals are judged alike:
 

@@ -1,4 +1,4 @@
-"""Which car can be the ego of an episode ``cross``: one that comes up to where it must let a hidden car pass."""
+"""Finds cars that can be the ego of a ``cross`` episode: they approach a crossing where a hidden car has priority."""
 
 from __future__ import annotations
 

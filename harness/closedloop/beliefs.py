@@ -1,4 +1,4 @@
-"""What the ego's driver takes for real at a moment: the truth, a tracker's tracks, or what a human perceives."""
+"""What the ego's driver believes at one step: the truth, a tracker's tracks, or a model of human perception."""
 
 from __future__ import annotations
 

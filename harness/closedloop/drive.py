@@ -1,4 +1,4 @@
-"""A closed loop from request to finished folder, which an interrupted one takes up again."""
+"""Makes all episodes of a closed loop and writes their folder; an interrupted one can be resumed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One episode: five seconds of tracking while SUMO drives the ego, then a drive by what is believed.
+"""One episode: five seconds of tracking while SUMO drives the ego, then a drive by the belief.
 
 The loop that hands looks to the tracker is the one of every run (``harness.running.follow``): it asks for the next look
 only when the tracks of the last have been watched, and by then the driver has acted on them.

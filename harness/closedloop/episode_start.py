@@ -1,4 +1,4 @@
-"""Where episodes begin: which car becomes the ego, and whom a provocation concerns.
+"""Chooses where an episode starts: the ego, and the vehicle that a provocation acts on.
 
 A seed's traffic runs on under SUMO's own drivers. Of the last five seconds every frame is kept, so that a car that is
 chosen now has been followed since then: its sensor is made to look at those frames in their order.

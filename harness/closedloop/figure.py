@@ -1,4 +1,4 @@
-"""The charts of a closed loop: what each belief did to the drive, with intervals over seeds."""
+"""The charts of a closed loop: how each belief affects the drive, with intervals over seeds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is in the ego's lane in plain view: a vehicle that will stand ahead, or a leader that is seldom detected."""
+"""Finds vehicles in plain view in the ego's lane: one that will stop, or a leader that is rarely detected."""
 
 from __future__ import annotations
 

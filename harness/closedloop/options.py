@@ -1,4 +1,4 @@
-"""The options of a closed loop, each declared once."""
+"""The options of a closed loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ego's way over places where it must yield: what it does there by what it believes, and what came of it."""
+"""How the ego passes places where it must yield, and what the outcome was."""
 
 from __future__ import annotations
 

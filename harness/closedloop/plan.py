@@ -1,4 +1,4 @@
-"""From the lists that a user writes to the episodes and beliefs of a closed loop: a grid, whose cells are seeds.
+"""Turns the user's lists into the episodes and beliefs of a closed loop: a grid whose cells are seeds.
 
 Two episodes come from each seed's traffic, one that goes on as it would and one that is provoked. A cell is a seed's
 traffic; its runs are drives by each belief.

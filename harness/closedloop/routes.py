@@ -1,4 +1,4 @@
-"""The way that an ego takes over a graph of lanes, up to the first signal: signals are in no belief."""
+"""The ego's route over a lane graph, up to the first signal: beliefs hold no signals."""
 
 from __future__ import annotations
 

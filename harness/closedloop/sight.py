@@ -1,4 +1,4 @@
-"""Who is hidden from a car's sensor, by the truth: this chooses episodes, no belief knows of it."""
+"""Which vehicles are truly hidden from a car's sensor. Only the choice of episodes uses it, never a belief."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hands on SUMO's wheel: the ego drives by its driver's demand, a provoked vehicle brakes, and contacts are noticed."""
+"""Controls vehicles in SUMO: the ego follows its driver, a provoked vehicle brakes, and contacts are detected."""
 
 from __future__ import annotations
 

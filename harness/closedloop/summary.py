@@ -1,4 +1,4 @@
-"""What a closed loop tells: each belief's scores, and how far they are from those of the truth, episode by episode."""
+"""Scores of each belief, and their differences from driving by the truth, episode by episode."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Traffic on its way: a simulation that is read step by step, with the frames of the last seconds."""
+"""A running simulation that is read step by step and keeps the frames of the last seconds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the vehicle right ahead of a driven ego is in plain view and withheld by the tracker, look by look."""
+"""Whether the vehicle ahead of the ego is in plain view and yet not reported by the tracker, scan by scan."""
 
 from __future__ import annotations
 

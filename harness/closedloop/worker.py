@@ -1,4 +1,4 @@
-"""One worker process: lets a seed's traffic run to where episodes start, and drives each by every belief in a fork.
+"""One worker process: simulates a seed's traffic up to each start, then forks and drives by each belief.
 
 A fork holds the very simulation as it stands there, drivers' memories and random numbers included, so every belief
 begins with the same bytes. SUMO's saved states do not: what ``saveState`` wrote and ``loadState`` read goes on

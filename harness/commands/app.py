@@ -1,4 +1,4 @@
-"""The command line: which commands there are, and what an error turns into.
+"""The command line: its commands, and how errors become one line and an exit code.
 
 A command's module is imported only when that command is called, so ``--help`` answers at once. To add a command, write
 ``harness/commands/<name>.py`` with a function ``command(options)`` of one table of options (see

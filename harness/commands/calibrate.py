@@ -1,4 +1,4 @@
-"""``calibrate``: drivers and demands fitted to what was measured at a network's site."""
+"""``calibrate``: fit drivers and demands to measurements at a network's site."""
 
 from __future__ import annotations
 

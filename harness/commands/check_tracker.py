@@ -1,4 +1,4 @@
-"""``check-tracker``: whether a tracker keeps what the role promises."""
+"""``check-tracker``: check that a tracker does what the tracker protocol requires."""
 
 from __future__ import annotations
 

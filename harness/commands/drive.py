@@ -1,4 +1,4 @@
-"""``drive``: let the ego drive by what trackers tell it, and see what becomes of it."""
+"""``drive``: let the ego drive by what trackers report, and count collisions and hard brakings."""
 
 from __future__ import annotations
 

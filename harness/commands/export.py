@@ -1,4 +1,4 @@
-"""``export``: turn a run into another program's format."""
+"""``export``: write a run in another program's format."""
 
 from __future__ import annotations
 

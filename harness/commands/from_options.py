@@ -1,4 +1,4 @@
-"""Makes a command of typer's kind from a function of one table of options."""
+"""Makes a typer command from a function and one table of options."""
 
 from __future__ import annotations
 

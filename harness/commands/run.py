@@ -1,4 +1,4 @@
-"""``run``: drive, sense, track and score once."""
+"""``run``: simulate, sense, track and score once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``score``: score a tracker's log against a truth, both of any origin."""
+"""``score``: score a tracker's log against truth, both from any source."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``settings``: what can be set, and what it means."""
+"""``settings``: list all settings and their meanings."""
 
 from __future__ import annotations
 

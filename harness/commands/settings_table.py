@@ -1,4 +1,4 @@
-"""All that ``config.toml`` takes, with defaults, units and meanings, collected from where each is defined."""
+"""All keys of ``config.toml`` with defaults, units and meanings, collected from their definitions."""
 
 from __future__ import annotations
 

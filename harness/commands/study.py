@@ -1,4 +1,4 @@
-"""``study``: the published lane-keeping and lane-change cases on held-out traffic, and transfer to real roads."""
+"""``study``: the paper's lane-keeping and lane-change cases on held-out traffic, and transfer to real roads."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What every package stands on: errors, exit codes, files, progress and statistics; nothing of traffic or tracking."""
+"""Shared by all packages: errors, exit codes, files, progress and statistics; nothing of traffic or tracking."""

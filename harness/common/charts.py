@@ -1,4 +1,4 @@
-"""Charts, each described once in Vega-Lite's grammar: a page's browser draws them, and vl-convert draws the pictures.
+"""Charts in Vega-Lite's grammar: the browser draws them on a page, and vl-convert draws them as pictures.
 
 Colours are variables of the page, so that a chart follows the reader's light or dark scheme; a picture is light.
 """

@@ -1,4 +1,4 @@
-"""How large a difference is and how sure: estimates with the number of independent units that they rest on.
+"""The size and certainty of a difference, with the number of independent units behind it.
 
 What is independent decides the width of an interval: seeds, not the runs of one seed at several densities; groups of
 vehicles that drive together, not vehicles. All intervals are Student's, with as many degrees of freedom as there are

@@ -1,4 +1,4 @@
-"""What pydantic refuses, and what code from outside raises, in words."""
+"""Turns pydantic's errors, and exceptions of external code, into sentences."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors that users meet: one sentence each; the command line turns them into a line and an exit code."""
+"""Errors that users meet: one sentence each. The command line prints it and returns its exit code."""
 
 
 class InputError(Exception):

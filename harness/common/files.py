@@ -1,4 +1,4 @@
-"""Files of results, written whole or not at all: numbers for programs, tables for people, settings as TOML."""
+"""Writes files of results atomically: numbers for programs, tables for people, settings as TOML."""
 
 from __future__ import annotations
 

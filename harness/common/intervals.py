@@ -1,4 +1,4 @@
-"""95 % intervals of means over few clusters, such as seeds, that hold only values which the quantity can have.
+"""95 % intervals of means over few clusters, such as seeds; they contain only possible values of the quantity.
 
 Shares are Clopper and Pearson's with an effective number of samples (Korn & Graubard 1998), rates of events Garwood's
 with an effective number of events, everything else Student's within its bounds. What was never seen is not certain.

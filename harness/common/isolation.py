@@ -1,4 +1,4 @@
-"""Work on files from elsewhere in a process that can do nothing but tell what it found.
+"""Runs work on external files in a child process that may only return a result.
 
 A reader can't foresee what a file does to the libraries that read it. So a fork of this process reads it: with limits
 on memory and time, without the right to write anywhere but in a folder of its own, to start programs or to open

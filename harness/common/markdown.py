@@ -1,4 +1,4 @@
-"""Tables in Markdown, and Markdown on a screen."""
+"""Writes Markdown tables, and shows Markdown in the terminal."""
 
 from __future__ import annotations
 

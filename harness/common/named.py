@@ -1,4 +1,4 @@
-"""What users name, looked up in a registry: whatever is wrong with it is told with the option that named it."""
+"""Looks up what users name in a registry; an error says which option gave the name."""
 
 from __future__ import annotations
 

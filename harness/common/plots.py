@@ -1,4 +1,4 @@
-"""What panels over time have in common: stretches of time, no needless frame."""
+"""Shared parts of plots over time: shaded intervals, and no needless frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes on, on stderr: a bar where the steps are counted, a line where they are not."""
+"""Progress on stderr: a bar where the number of steps is known, otherwise a line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A process that is told to end by the system ends as by Ctrl-C: what was finished is kept."""
+"""Treats the system's SIGTERM like Ctrl-C, so that finished work is kept."""
 
 from __future__ import annotations
 

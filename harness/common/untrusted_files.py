@@ -1,4 +1,4 @@
-"""Limits on what is opened: files from elsewhere are refused by their kind and size before anything of them is read."""
+"""Limits on external files: their kind and size are checked before anything is read."""
 
 from __future__ import annotations
 

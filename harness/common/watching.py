@@ -1,4 +1,4 @@
-"""A command that runs code from elsewhere is a child process: if that code ends it, one line says so."""
+"""Runs a command that loads external code in a child process, and reports in one line if that code ends it."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A run's configuration: what it may hold, and how its layers become one."""
+"""A run's configuration: its fields, and how its layers are merged."""

@@ -1,4 +1,4 @@
-"""What is done to detections after the sensor made them, live or on record, in figures."""
+"""Settings that change detections after the sensor made them, for live and for recorded runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No file of settings chooses which code is run: who wants a module of one's own names it in person.
+"""Settings files may not name code to run: only the command line may.
 
 A name such as ``package.module:factory`` is imported and called, and ``exec:`` starts a program. A file may come from
 anybody, and so may what lies beside it; what is installed can do harm as well if it is called.

@@ -1,4 +1,4 @@
-"""``config.toml``, options and settings merged and checked.
+"""Merges and checks ``config.toml``, options and settings.
 
 Later layers win: defaults, then the file of ``config``, then the options, then ``settings``.
 """

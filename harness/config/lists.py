@@ -1,4 +1,4 @@
-"""How lists of values are written on the command line: ``5:65:10``, ``5,20,45``, ``10`` seeds or seeds ``0:10``."""
+"""Parses lists of values on the command line: ``5:65:10``, ``5,20,45``, ``10`` seeds or seeds ``0:10``."""
 
 from __future__ import annotations
 

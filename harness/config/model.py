@@ -1,4 +1,4 @@
-"""A run's configuration: what it may hold, and the checks on it."""
+"""A run's configuration: its fields, and the checks on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The options of a run, each declared once: for the configuration, for the command line and for Python.
+"""The options of a run, each declared once for the configuration, the command line and Python.
 
 A table of options is a ``TypedDict`` whose entries carry an ``Option``. The first of an entry's types is what the
 command line reads; the others are what Python may give as well.

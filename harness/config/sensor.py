@@ -1,4 +1,4 @@
-"""What a sensor can do, in figures.
+"""Settings of a sensor.
 
 One noise model serves all profiles. The measured centre of a vehicle is off by the error of fitting a box to it
 (longitudinal and lateral), by an error along the line of sight and by an error of the bearing; a partly hidden vehicle

@@ -1,4 +1,4 @@
-"""What a driver would do with what it believes of the vehicles around it: beliefs in, commands out.
+"""Driver models: they take what the ego believes about vehicles around it and return commands.
 
 Nothing here knows of truth or trackers: both are bodies on the road, and the same driver is asked with either.
 """

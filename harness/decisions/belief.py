@@ -1,4 +1,4 @@
-"""The belief that a driver decides by: who is ahead in its lane, and who is ahead and behind in those beside it."""
+"""What a driver decides by: the vehicles ahead in its lane, and those ahead and behind in adjacent lanes."""
 
 from __future__ import annotations
 

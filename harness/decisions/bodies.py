@@ -1,4 +1,4 @@
-"""What a belief is made of: the ego at each step, and bodies on the road around it, be they true or believed."""
+"""The ego and the vehicles around it at each step, true or believed."""
 
 from __future__ import annotations
 

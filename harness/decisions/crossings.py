@@ -1,4 +1,4 @@
-"""Where the ego's way over a graph of lanes meets ways that have right of way over it."""
+"""Where the ego's route over a lane graph meets routes that have right of way over it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The decision: the driver of that name, asked with a belief.
+"""Asks the named driver for a command, given a belief.
 
 A driver brakes as hard as it must for what is surely there, and slows down for what may be: for a body that is more
 likely no vehicle than one it brakes comfortably at most.

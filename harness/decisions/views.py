@@ -1,4 +1,4 @@
-"""The road as the ego's driver sees it: its own lane and those beside it, and how far along and off each a body is."""
+"""The lanes around the ego: its own and the adjacent ones, with each vehicle's distance along and across them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ways on a graph of lanes: the lane that the ego is on with what comes before and after it, as one line.
+"""The ego's lane on a lane graph with the lanes before and after it, as one line.
 
 At a fork the way goes where the ego goes later in its stay: a driver knows its route. Where that is not on record it
 goes as straight on as it can.

@@ -1,4 +1,4 @@
-"""Who must yield goes if nobody who has right of way comes to the place of conflict about when it would be there.
+"""A driver that must yield goes if nobody with right of way reaches the conflict point at about the same time.
 
 Times are windows: from when a vehicle's front may come to the place until its rear has left it. Where two windows meet,
 or miss each other by less than a margin, the ego holds, and the stop line is a standing leader.

@@ -1,1 +1,1 @@
-"""A run in other programs' formats."""
+"""Writes a run in other programs' formats."""

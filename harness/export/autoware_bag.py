@@ -1,4 +1,4 @@
-"""A run as an MCAP bag of ROS 2 with Autoware's messages: detections, tracks, the ego's transform, and the clock.
+"""A run as an MCAP bag of ROS 2 with Autoware's messages: detections, tracks, the ego's transform and the clock.
 
 ROS is not needed: ``mcap-ros2-support`` encodes the messages as CDR. Positions are in metres in the frame ``map``, the
 plane of the network; speeds and accelerations are along an object's own heading and across it, as in Autoware. Nothing

@@ -1,4 +1,4 @@
-"""Every table of a run as comma-separated values, under the names and columns of the run folder."""
+"""Every table of a run as CSV, with the names and columns of the run folder."""
 
 from __future__ import annotations
 

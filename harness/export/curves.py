@@ -1,4 +1,4 @@
-"""How a run went, as curves over time: errors of seen and of hidden vehicles, and how many there were of each."""
+"""A run as curves over time: errors of visible and hidden vehicles, and their numbers."""
 
 from __future__ import annotations
 

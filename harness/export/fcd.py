@@ -1,4 +1,4 @@
-"""The truth of a run as SUMO's floating-car data: what ``sumo --fcd-output`` writes, valid by SUMO's ``fcd_file.xsd``.
+"""The truth of a run as SUMO's floating-car data, valid under SUMO's ``fcd_file.xsd``.
 
 SUMO's schema has no place for sizes, so each size is a vehicle type, and a file beside declares the types.
 """

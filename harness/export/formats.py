@@ -1,4 +1,4 @@
-"""The formats that a run can be exported to, each loaded only when it is asked for.
+"""The export formats, each loaded only when it is used.
 
 Another package's is a function like those here, ``export(run, folder)``: it writes into the folder, which is empty, and
 returns the files. It is found by ``module:function``, or as an entry point.

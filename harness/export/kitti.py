@@ -1,4 +1,4 @@
-"""A run over KITTI tracking in KITTI's own layout, a file a sequence, as AB3DMOT's evaluation script reads it.
+"""A run over KITTI tracking in KITTI's layout, one file a sequence, as AB3DMOT's evaluation script reads it.
 
 A track is a place; a benchmark wants a box in the camera's frame with a score. A track's box is that of the detection
 at it, or of the last that was, put where the track is; its score is that detection's. Which detection is at which track

@@ -1,4 +1,4 @@
-"""The lanes of a run's road as lines in the plane, cut to the stretch that was driven."""
+"""The lanes of a run's road as lines in the plane, cut to the part that was driven."""
 
 from __future__ import annotations
 

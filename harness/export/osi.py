@@ -1,4 +1,4 @@
-"""A run as ASAM OSI traces: the ground truth, and as sensor data the sensor's detections and the tracker's tracks.
+"""A run as ASAM OSI traces: ground truth, detections and tracks.
 
 Sensor data is in the frame of the ego, whose origin is declared to be the middle of its box (``bbcenter_to_rear`` is
 zero), since nothing is known of its axles. Lanes and the lines between them are in every message of the ground truth,

@@ -1,4 +1,4 @@
-"""The lanes of a run's road as messages of ASAM OSI: lanes with their middle lines, and the lines between them.
+"""The lanes of a run's road as ASAM OSI messages: lanes with centre lines, and lane boundaries.
 
 Nothing is known of the paint. A line that bounds two lanes, which vehicles cross, is declared dashed, one at the road's
 edge an edge.

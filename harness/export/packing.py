@@ -1,4 +1,4 @@
-"""An export as one file beside others, and files packed by gzip: equal content gives equal bytes."""
+"""Puts an export into place as one file, and packs files by gzip so that equal content gives equal bytes."""
 
 from __future__ import annotations
 

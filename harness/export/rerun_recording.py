@@ -1,4 +1,4 @@
-"""A run as a recording for the rerun viewer: truth, detections and tracks in the plane, curves beside, and a layout."""
+"""A run as a recording for the rerun viewer: the plane view, curves beside it, and a layout."""
 
 from __future__ import annotations
 

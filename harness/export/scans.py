@@ -1,4 +1,4 @@
-"""What a tracker is shown of a run, and nothing of the truth, so that a tracker can run elsewhere.
+"""What a tracker receives in a run, without truth, so that a tracker can run elsewhere.
 
 ``episode-K.txt`` is what ``--tracker exec:`` would write to a program's stdin, so that ``program < episode-0.txt`` is
 the same tracker as in a run; ``detections.csv`` and ``ego.csv`` hold the same for programs that read tables.

@@ -1,4 +1,4 @@
-"""How large the vehicles are that tracks follow: no tracker has to say, so it is taken from the detections.
+"""Sizes of tracked vehicles, taken from the detections because trackers need not report them.
 
 A track's size is the median of those measured of the detections on it while it lived; a usual car's, where there are
 none. A detection is on a track if each is the other's nearest, within the gate of the scores. No truth is used.

@@ -1,4 +1,4 @@
-"""Scores data_0 beside it with TrackEval (pip install trackeval) as KITTI's benchmark does: cars, in the picture.
+"""Scores ``data_0`` beside it with TrackEval (pip install trackeval) by KITTI's rules: cars, in the image.
 
     python score.py LABELS [SCORE ...]
 

@@ -1,4 +1,4 @@
-"""The cells that wait for a worker, those of the same traffic together."""
+"""The queue of cells that wait for a worker; cells of the same traffic stay together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hidden vehicles against the simplest guess: that each goes on at the speed that it was last seen with.
+"""Compares hidden vehicles with constant-velocity prediction from the state at which each was last seen.
 
 The guess is made by Kalman filters of constant velocity that are told which vehicle each detection is of, so that no
 mix-up weighs on it, and what the sensor reports as it is, whatever ``tracker.believes`` makes the trackers believe: all

@@ -1,4 +1,4 @@
-"""From the lists that a user writes to the grid of a stress test: every combination, each a checked configuration.
+"""Expands the user's lists into a grid: every combination, each a checked configuration.
 
 Trackers are written as a name and, after plus signs, settings of their own: ``mmpf+update=max_likelihood`` or
 ``mmpf+joint.association.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the

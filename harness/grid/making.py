@@ -1,4 +1,4 @@
-"""Makes the rows of a grid in a folder of its own, which an interrupted making takes up again."""
+"""Makes the rows of a grid in its folder; an interrupted grid can be resumed."""
 
 from __future__ import annotations
 

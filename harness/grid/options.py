@@ -1,4 +1,4 @@
-"""The options of a stress test, each declared once."""
+"""The options of a stress test."""
 
 from __future__ import annotations
 

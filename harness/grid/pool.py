@@ -1,4 +1,4 @@
-"""Worker processes that are kept busy, watched, and replaced when they die or hang."""
+"""A pool of worker processes that are watched, and replaced when they die or hang."""
 
 from __future__ import annotations
 

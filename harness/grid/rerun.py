@@ -1,4 +1,4 @@
-"""The command that makes a run of a grid again by itself."""
+"""The command that repeats one run of a grid."""
 
 from __future__ import annotations
 

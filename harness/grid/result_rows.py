@@ -1,4 +1,4 @@
-"""The rows of a grid: what each run of it gives, and the one table of them all."""
+"""The rows of a grid: the results of each run, and one table of all of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stress test from grid to finished folder, which an interrupted one takes up again."""
+"""A stress test: makes its grid and writes its folder; an interrupted one can be resumed."""
 
 from __future__ import annotations
 

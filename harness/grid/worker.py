@@ -1,4 +1,4 @@
-"""One worker process: simulates a cell, then runs every tracker over it, and reports row by row.
+"""One worker process: simulates a cell, runs every tracker on it, and reports each row.
 
 A process of its own because libsumo holds one simulation a process, and because only a process can be stopped when a
 run hangs.

@@ -1,4 +1,4 @@
-"""Worlds that are not as trackers believe, by name: the settings that make each, for live runs and for finished ones.
+"""Named worlds that differ from what trackers assume: the settings of each, for live and for finished runs.
 
 A mismatch changes what is true (``sensor.*``: the sensor is simulated anew; ``altered.*``: the detections are altered
 after it, which finished runs take as well) or what is believed (``tracker.believes.*``). The data sheet says nothing of

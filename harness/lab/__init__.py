@@ -1,1 +1,1 @@
-"""Studies, fits and measurements of the maintainers; nothing of the product imports them."""
+"""Studies, fits and measurements for maintainers; no product code imports them."""

@@ -1,4 +1,4 @@
-"""The ablation study: what each departure from the paper's rule is worth, one taken back at a time."""
+"""The ablation study: the effect of each departure from the paper's rule, undone one at a time."""
 
 from __future__ import annotations
 

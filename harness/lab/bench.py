@@ -1,4 +1,4 @@
-"""How long trackers take: the time of a step against the number of vehicles, and the mixtures' sampling.
+"""The time of a tracker's step against the number of vehicles, and the time of the mixtures' sampling.
 
 All trackers take in the same scans in turns, so that a busy moment of the machine slows all alike. Vehicles stand in
 five lanes at one spacing and drive at one speed; the sensor's range grows with their number. So a larger scene has more

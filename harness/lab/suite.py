@@ -1,4 +1,4 @@
-"""The standard suite: a small grid that a committed baseline is made of and that a change is checked against."""
+"""The standard suite: a small grid with a committed baseline to check changes against."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The chart of a comparison: every metric's difference with its interval, on one scale, better to the right."""
+"""The chart of a comparison: each metric's difference with its interval on one scale; better is to the right."""
 
 from __future__ import annotations
 

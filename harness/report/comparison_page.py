@@ -1,4 +1,4 @@
-"""The page of a comparison; of two runs on the same detections with both side by side in one replay."""
+"""The page of a comparison; two runs on the same detections share one replay, side by side."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gallery of decisions: a run's worst missed and phantom brakings, each as a strip of pictures and two curves."""
+"""The gallery of decisions: a run's worst missed and phantom brakings, each as pictures and two curves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pictures of one run: a telling moment, the error over time and by visibility, what went on in the filter."""
+"""The figures of one run: one moment from above, errors over time and by visibility, and the filter's diagnostics."""
 
 from __future__ import annotations
 

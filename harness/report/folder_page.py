@@ -1,4 +1,4 @@
-"""The page of any folder of results: a run's own page, or the tables and figures that a study or a grid left behind."""
+"""The page of any results folder: a run's own page, or the tables and figures of a study or grid."""
 
 from __future__ import annotations
 

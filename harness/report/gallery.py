@@ -1,4 +1,4 @@
-"""The failure gallery: each failure as a strip of pictures of the road from above.
+"""The failure gallery: each failure as a row of pictures from above.
 
 Vehicles in plain view without a track come first, then the worst occlusion events.
 """

@@ -1,4 +1,4 @@
-"""From a grid's page to its runs: an overview with one link a cell, and each cell's runs with page or command."""
+"""Links from a grid's page to its runs: an overview of cells, and each cell's runs with page or command."""
 
 from __future__ import annotations
 

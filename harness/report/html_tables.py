@@ -1,4 +1,4 @@
-"""The tables of the page, as HTML."""
+"""The tables of the page as HTML."""
 
 from __future__ import annotations
 

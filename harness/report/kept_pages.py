@@ -1,4 +1,4 @@
-"""The pages of a grid's kept runs: each run's own, and each tracker side by side with the first of its cell."""
+"""The pages of a grid's stored runs: each run, and each tracker beside the first tracker of its cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The key figures of a run: each with its interval, what is perfect and what to compare it with."""
+"""The key figures of a run, each with its interval, the perfect value and a reference value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a run: one HTML file with words, numbers, pictures and a replay, that opens without a network."""
+"""The page of a run: one HTML file with text, numbers, figures and a replay; it needs no network."""
 
 from __future__ import annotations
 

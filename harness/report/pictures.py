@@ -1,4 +1,4 @@
-"""Pictures for papers: a finished folder's figures drawn anew as PNG, SVG or PDF, the same bytes each time."""
+"""Figures for papers: redraws a finished folder's figures as PNG, SVG or PDF, with the same bytes each time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run's tables as compact columns for the page's replay: typed arrays as base64, rows found by step."""
+"""A run's tables for the page's replay: typed arrays as base64, with row ranges by step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Charts of a run: errors over time, whose points lead to that moment of the replay, by visibility, and the filter."""
+"""Charts of a run: errors over time, with links into the replay, errors by visibility, and the filter's diagnostics."""
 
 from __future__ import annotations
 

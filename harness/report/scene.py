@@ -1,4 +1,4 @@
-"""The road seen from above at one moment: what is there, what the sensor sees, and what the tracker believes."""
+"""The road from above at one moment: vehicles, what the sensor sees, and tracks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Strips of pictures, as numbered files of a kind."""
+"""Rows of pictures, written as numbered files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run's metrics say, in sentences."""
+"""Sentences that state a run's metrics."""
 
 from __future__ import annotations
 

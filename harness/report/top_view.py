@@ -1,4 +1,4 @@
-"""One moment of a run from above: the ground that the sensor sees, and vehicles and tracks around one of them."""
+"""One moment of a run from above: the visible ground, and the vehicles and tracks around one of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of a run's vehicles: how long each was seen and hidden, and how well it was followed."""
+"""The table of a run's vehicles: how long each was visible and hidden, and how well it was tracked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run as a film: the road from above, what lies ahead of the ego over what lies behind it."""
+"""A run as a video: the road from above, in two rows, ahead of and behind the ego."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles in plain view that were never reported or were dropped: what stands first in the failure gallery."""
+"""Vehicles in plain view that were never reported or lost their track; they come first in the failure gallery."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One run: looks in, tracks out, from configuration to finished folder."""
+"""One run, from its configuration to its finished folder."""

@@ -1,4 +1,4 @@
-"""The map that trackers are told of, apart from the road that there is."""
+"""The map that trackers are given, which may differ from the true road."""
 
 from __future__ import annotations
 

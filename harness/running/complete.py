@@ -1,4 +1,4 @@
-"""What the files of a log lack is worked out: speeds from places, what the sensor could see from the boxes, origins."""
+"""Derives what a log's files lack: speeds from positions, visibility from boxes, origins of detections."""
 
 from __future__ import annotations
 

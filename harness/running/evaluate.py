@@ -1,4 +1,4 @@
-"""The one evaluation of a tracker: it follows looks, and what is recorded of it is scored, stretch by stretch."""
+"""Evaluates a tracker: it tracks the looks, and what is recorded of it is scored part by part."""
 
 from __future__ import annotations
 

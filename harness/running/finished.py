@@ -1,4 +1,4 @@
-"""A finished run as its folder holds it, for whoever draws or exports it."""
+"""A finished run, loaded from its folder for figures and exports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tracking loop: the sensor looks, the tracker follows, the recorder writes it down."""
+"""The tracking loop: the sensor makes a scan, the tracker processes it, the recorder stores both."""
 
 from __future__ import annotations
 

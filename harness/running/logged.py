@@ -1,4 +1,4 @@
-"""Scores of a log: truth and tracks of any origin become a run's folder, through the one evaluation.
+"""Scores a log: truth and tracks from any source become a run folder through the same evaluation.
 
 Whatever the files lack is worked out: what of each vehicle the sensor could see, from the boxes; which vehicle a
 detection is of, the nearest within two metres; speeds, from places. Without detections every vehicle that is not hidden

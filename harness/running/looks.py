@@ -1,4 +1,4 @@
-"""What a run looks at: traffic, live or on record, seen by a sensor moment by moment, with the truth beside it."""
+"""The looks of a run: at each step the truth and what the sensor detects of it, live or recorded."""
 
 from __future__ import annotations
 

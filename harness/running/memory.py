@@ -1,4 +1,4 @@
-"""Lets the process keep the memory of arrays that it has let go of."""
+"""Makes the process reuse the memory of freed arrays."""
 
 from __future__ import annotations
 

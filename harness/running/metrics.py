@@ -1,4 +1,4 @@
-"""Tables of ``metrics.json`` beside the scores: what was run, how the traffic was and how long it took."""
+"""Tables of ``metrics.json`` beside the scores: configuration, traffic and computing time."""
 
 from __future__ import annotations
 

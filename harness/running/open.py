@@ -1,4 +1,4 @@
-"""From a configuration to what a run is made of: looks at live or recorded traffic, and the tracker."""
+"""Opens what a configuration names: live or recorded looks, and the tracker."""
 
 from __future__ import annotations
 

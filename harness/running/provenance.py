@@ -1,4 +1,4 @@
-"""Which code and which model files decide the results of a run, by their hashes."""
+"""Hashes of the code and model files that determine the results of a run."""
 
 from __future__ import annotations
 

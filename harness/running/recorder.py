@@ -1,4 +1,4 @@
-"""Collects a run's steps as columns and turns them into the tables of the run folder."""
+"""Collects a run's steps as columns and makes the tables of the run folder."""
 
 from __future__ import annotations
 

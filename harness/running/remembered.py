@@ -1,4 +1,4 @@
-"""Traffic that is simulated once for all sensors that look at it, one after the other."""
+"""Traffic that is simulated once for several sensors in turn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An earlier run's truth and detections, handed out again exactly as they were, without SUMO and without noise."""
+"""Replays an earlier run's truth and detections exactly, without SUMO and without noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The configuration of a run, filled in from what it names: a network, a recording or an earlier run."""
+"""Completes a run's configuration from what it names: a network, a recording or an earlier run."""
 
 from __future__ import annotations
 

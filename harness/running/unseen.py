@@ -1,4 +1,4 @@
-"""What is expected where there is no track, kept of a run twice a second."""
+"""The expected number of undetected vehicles on each lane piece, recorded twice a second."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is kept of a run beside its tables: the best moment, the filter's diagnostics, a sample of its particles."""
+"""What is kept beside a run's tables: the moment for the picture, the filter's diagnostics, a sample of particles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes a run's folder, at once or as the run goes on."""
+"""Writes a run's folder, at once or while the run goes on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What scoring finds out about a run once, for every metric to build on."""
+"""All evidence about a run, gathered once for every metric."""
 
 from __future__ import annotations
 

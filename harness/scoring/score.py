@@ -1,4 +1,4 @@
-"""A run, whole or stretch by stretch, to its scores."""
+"""Computes the scores of a run, at once or part by part."""
 
 from __future__ import annotations
 

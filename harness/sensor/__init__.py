@@ -1,1 +1,1 @@
-"""What the ego vehicle's sensor can see past the other vehicles."""
+"""The simulated sensor: what the ego vehicle can detect past the other vehicles."""

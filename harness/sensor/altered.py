@@ -1,4 +1,4 @@
-"""Looks whose detections are altered after the sensor made them, alike whether it looks live or is on record.
+"""Changes detections after the sensor made them, for live and for recorded looks alike.
 
 Each alteration is a generator from looks to looks with a stream of randomness of its own, so that one leaves the draws
 of the others as they were. Truth and visibility stay as they are; what the sensor knows of its own shadows follows from

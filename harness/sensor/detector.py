@@ -1,4 +1,4 @@
-"""The sensor that other vehicles block: what it sees of a frame, and the noisy detections that it makes of it."""
+"""The simulated sensor: geometric visibility, then noisy detections."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is missed just now or hard to detect, and what becomes of the boxes: shifted, split in two, merged into one."""
+"""Missed detections, vehicles that are hard to detect, and boxes that are shifted, split or merged."""
 
 from __future__ import annotations
 

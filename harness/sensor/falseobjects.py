@@ -1,4 +1,4 @@
-"""False objects that last: on the lanes, as mirror images of vehicles, and beside the road; and who hides them."""
+"""Persistent false objects: on lanes, as mirror images of vehicles, and beside the road; vehicles can hide them."""
 
 from __future__ import annotations
 

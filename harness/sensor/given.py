@@ -1,4 +1,4 @@
-"""A sensor that looks no more: the detections are those of a real detector, on record beside the truth.
+"""A recorded sensor: its detections are those of a real detector, stored beside the truth.
 
 How far they are off is what the sensor's figures say of a vehicle in plain view. A vehicle is hidden here while no
 detection has been of it for half a second or longer, whatever the reason, since nobody knows how much of it the real

@@ -1,4 +1,4 @@
-"""What a sensor remembers from scan to scan: which vehicles it fails to see just now, and how their boxes drift.
+"""The sensor's state between scans: which vehicles it fails to detect, and how their boxes drift.
 
 All randomness that lasts is drawn from streams of its own, in blocks that depend on the number of vehicles alone. A
 detector that forgets everything therefore draws what it would draw without a memory.

@@ -1,4 +1,4 @@
-"""How far a measured vehicle is off: position errors in the road frame, and speed from a range rate.
+"""Measurement noise: position errors in the road frame, and speed from a range rate.
 
 A box has errors along and across its own axis and along and across the line of sight. On a road its axis is the road's;
 where the road frame is the plane it is the vehicle's own heading.

@@ -1,4 +1,4 @@
-"""What a sensor makes of a frame: the scan for the tracker, and beside it what only scoring may see."""
+"""What a sensor makes of a frame: the scan for the tracker, and facts for scoring alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The named profiles of sensors: those that are simulated, and what is known of detectors whose boxes are on record."""
+"""The named sensor profiles: simulated sensors, and data sheets of recorded detectors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a scene to detections, true and false, as rows of numbers with the vehicle behind each."""
+"""Makes detections from a scene, true and false, each with the vehicle that it came from."""
 
 from __future__ import annotations
 

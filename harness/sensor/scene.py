@@ -1,4 +1,4 @@
-"""How the sensor stands to the vehicles of a frame: lines of sight, and what of each it sees."""
+"""The geometry between sensor and vehicles in a frame: lines of sight and visible parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the sensor knows of its own blind areas, worked out from its detections alone.
+"""The sensor's blind areas, computed from its detections alone.
 
 Each detection stands for a vehicle of its measured size, or else a mean car, that points as it was measured, or else
 along the road, in the plane along the nearest lane, and off all lanes along the line of sight. The space

@@ -1,4 +1,4 @@
-"""Exact visibility among oriented rectangles from one point, in the Cartesian plane.
+"""Exact visibility of oriented rectangles from one point in the Cartesian plane.
 
 A ray from the sensor belongs to the rectangle that it meets first. The angles at which that owner can change are the
 ends of the rectangles' angular extents and, where rectangles overlap, the corners and edge crossings of the overlap.

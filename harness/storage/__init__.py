@@ -1,1 +1,1 @@
-"""What lies on disk: the folders of runs and grids, their tables, and who may replace them."""
+"""Folders of runs and grids on disk, their tables, and which of them may be replaced."""

@@ -1,4 +1,4 @@
-"""Reads tables of a run folder that may come from elsewhere: unpacked apart, then checked for what they hold."""
+"""Reads tables of external run folders: unpacked in a child process, then checked."""
 
 from __future__ import annotations
 

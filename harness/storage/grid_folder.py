@@ -1,4 +1,4 @@
-"""A stress test's folder: taken by one process at a time, taken up again only by the grid that it was made for."""
+"""A stress test's folder: one process at a time may use it, and only the same grid may resume it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of a grid on disk: a run's result as flat columns, a small file each."""
+"""Rows of a grid on disk: the flat result of each run in a small file."""
 
 from __future__ import annotations
 

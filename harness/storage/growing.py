@@ -1,4 +1,4 @@
-"""Tables of a run folder that are written as the run goes on, so that long runs need no more memory than short ones."""
+"""Tables of a run folder that are written during the run, so that memory does not grow with its length."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A graph of lanes in a run's folder: as a table that JSON holds, and back."""
+"""Converts a lane graph to and from the table in a run's folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One process at a time writes to a folder; a lock that the system takes back however the process ends."""
+"""A lock on a folder; the system releases it however the process ends."""
 
 from __future__ import annotations
 

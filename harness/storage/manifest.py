@@ -1,4 +1,4 @@
-"""What made a run: versions, revision, inputs, machine and wall times."""
+"""The manifest of a run: versions, revision, inputs, machine and wall times."""
 
 from __future__ import annotations
 

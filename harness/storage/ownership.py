@@ -1,4 +1,4 @@
-"""Which folders this program has made, and which files in them are its own; nothing else is ever removed.
+"""Which folders and files this program made; it never removes others.
 
 A folder that a later command may replace holds a ledger: the program, the kind of the folder, and every file that was
 written to it. Only listed files are removed, so what a user puts beside them survives whatever the ledger says.

@@ -1,4 +1,4 @@
-"""A run's folder: taken under a temporary name, renamed when the run is done, read back for replay and reports."""
+"""A run's folder: written under a temporary name, renamed when the run is done, read for replay and reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables on disk: each column declared once, for whoever writes, reads, checks or explains it."""
+"""The schema of all tables: each column declared once for writers, readers, checks and documentation."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Trackers behind one protocol: the project's own and other projects', on the same detections."""
+"""Trackers behind one protocol: the project's own and those of other projects."""

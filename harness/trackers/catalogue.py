@@ -1,4 +1,4 @@
-"""Which trackers there are, and how one is built by name."""
+"""The available trackers, and how each is built by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A baseline without memory: the detections of each scan are its tracks, new ones each time.
+"""A baseline without memory: each scan's detections become its tracks, with new identities each time.
 
 What a filter adds shows against it. Where speeds are not measured a detection is taken to be as fast as the ego.
 """

@@ -1,4 +1,4 @@
-"""What stands still amid moving traffic is doubtful: one rule over the tracks that any tracker reports.
+"""An option of all rivals: an object that stands still amid moving traffic gets a low existence.
 
 False objects mostly stand, vehicles in flowing traffic mostly move. A track that stands while the traffic around it
 flows is reported as tentative, unless it was seen to move before, has been followed for long, or lies in the ego's

@@ -1,4 +1,4 @@
-"""A reference: Kalman filters that are told which vehicle each detection came from.
+"""A reference: Kalman filters that are given the true origin of each detection.
 
 They never mix vehicles up. They are no bound on errors: while a vehicle is hidden they only coast.
 """

@@ -1,4 +1,4 @@
-"""What trackers of one coordinate each need where the road frame is the plane, and vehicles point anywhere in it.
+"""Shared by trackers where positions are in the plane and vehicles may have any heading.
 
 They filter x and y alike. Nothing is known of a new track's direction, so its velocity is zero on the average; a
 measured speed is one along the vehicle's own heading, which they don't know, and is left out.

@@ -1,4 +1,4 @@
-"""A tracker that is a program in any language: scans go to its stdin as lines of numbers, tracks come back on stdout.
+"""A tracker that is a program in any language: scans go to its stdin as lines, tracks come back on stdout.
 
 All numbers are separated by blanks; ``nan`` is what is not measured, ``inf`` what has no end. The harness writes first
 

@@ -1,4 +1,4 @@
-"""How probably a tracker's own tracks can be detected where they may be, behind one another's shadows.
+"""Detection probabilities of a tracker's own tracks, given that they occlude one another.
 
 Nothing here is told by the truth: bodies and shadows are those of the tracks.
 """

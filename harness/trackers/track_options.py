@@ -1,4 +1,4 @@
-"""Settings that trackers of Kalman filters share: how vehicles move, and how tracks begin and are reported."""
+"""Settings that all Kalman trackers share: motion, birth and reporting of tracks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trackers from elsewhere: what they raise is told in one line, and what they return is looked at before it counts."""
+"""Checks on external trackers: an exception becomes one line, and every result is validated."""
 
 from __future__ import annotations
 

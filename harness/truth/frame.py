@@ -1,4 +1,4 @@
-"""Truth: what every vehicle really does at one instant, and where such frames come from."""
+"""A frame: the true state of every vehicle at one time; and the protocol of its sources."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""New components: particles drawn around detections that nothing explains."""
+"""New components: particles drawn around detections that no component explains."""
 
 from __future__ import annotations
 

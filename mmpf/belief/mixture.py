@@ -1,4 +1,4 @@
-"""The filter's belief: particles and components, struct of arrays."""
+"""The filter's belief: particles and components as struct of arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Means, spreads and effective sample sizes of components: what the rest of the filter asks of a particle cloud."""
+"""Means, covariances and effective sample sizes of components."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sizes of the tracked vehicles, from the boxes that the sensor fits to them."""
+"""Sizes of tracked vehicles, estimated from detected boxes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which components are reported: probable vehicles, what moves along, and whatever lies in the ego's path."""
+"""Which components are reported: probable vehicles, objects that move with traffic, and objects in the ego's path."""
 
 from __future__ import annotations
 

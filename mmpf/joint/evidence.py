@@ -1,4 +1,4 @@
-"""What the detections say for each component and each particle: the sums of the joint update over particles."""
+"""Likelihood sums over particles for each component and detection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What sources of detections are like, learned as the filter goes: how detectable they are, and what is false of them.
+"""Learned properties of sources: detection probability, and the rates of false objects.
 
 No data sheet tells. A component that ends in plain view was a false object with a probability that its own posterior
 says; such components are counted, and slowly forgotten, and so are vehicles with their detectability. The counts begin

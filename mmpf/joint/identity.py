@@ -1,4 +1,4 @@
-"""Re-acquisition: a component that appears where a hidden one may be is the hidden one, seen again.
+"""Re-identification: a new component where a hidden one may be is that hidden vehicle, seen again.
 
 So is one that is confirmed where another was just found to be no vehicle: that one had been following something false
 beside the vehicle, or the other of two boxes of it.

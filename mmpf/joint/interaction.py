@@ -1,4 +1,4 @@
-"""Two vehicles can't be in one place: the interaction prior that hidden particles owe to seen vehicles."""
+"""Two vehicles cannot overlap: the prior that keeps hidden particles away from visible vehicles."""
 
 from __future__ import annotations
 

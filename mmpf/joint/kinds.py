@@ -1,4 +1,4 @@
-"""What kind of source gives a component's detections: a vehicle, or a false object that stays for a while.
+"""The kind of source behind each component's detections: a vehicle, or a persistent false object.
 
 Each component keeps one discrete posterior beside its particles: the probability of each kind of source (a vehicle, a
 false object that stands, a false object that moves along with the traffic), together with how detectable it is and

@@ -1,4 +1,4 @@
-"""How the posterior of each component's kind of source changes from scan to scan."""
+"""Updates the posterior of each component's kind of source from scan to scan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the joint rule has learned from the scans so far of the sensor and of the sources around it."""
+"""What the joint rule has learned about the sensor and the sources from the scans so far."""
 
 from __future__ import annotations
 

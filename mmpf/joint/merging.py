@@ -1,4 +1,4 @@
-"""Merging of components that stand for one vehicle."""
+"""Merges components that represent one vehicle."""
 
 from __future__ import annotations
 

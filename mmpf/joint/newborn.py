@@ -1,4 +1,4 @@
-"""What kind of source a new component is: vehicles come out of shadows or over the edge of the range."""
+"""The prior kind of a new component: vehicles come out of shadows or enter the range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How noisy the detections of each component are: measured by its innovations, since no data sheet knows.
+"""Learns the measurement noise of each component from its innovations, because no data sheet states it.
 
 A detection reports its own deviation, but a partly hidden vehicle is measured worse than that, and a data sheet may be
 wrong by a factor. Each component keeps the ratio of the innovations that it sees to those that it expects; a new one

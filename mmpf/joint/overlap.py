@@ -1,4 +1,4 @@
-"""Which components stand in one place."""
+"""Which components overlap."""
 
 from __future__ import annotations
 

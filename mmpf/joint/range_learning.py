@@ -1,4 +1,4 @@
-"""What a scan says of how well the sensor sees at each distance."""
+"""Learns from each scan how the detection probability falls with distance."""
 
 from __future__ import annotations
 

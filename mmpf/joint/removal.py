@@ -1,4 +1,4 @@
-"""Which components are let go."""
+"""Which components are removed."""
 
 from __future__ import annotations
 

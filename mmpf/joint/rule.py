@@ -1,4 +1,4 @@
-"""The joint update: soft association marginals of all components and detections weigh every particle.
+"""The joint update: marginal association probabilities of all components and detections weigh every particle.
 
 Still without an explicit association, but a detection is shared out instead of serving everyone, "not seen" is
 evidence that depends on what the tracks hide, and each component has an existence probability. Follows Meyer et al.

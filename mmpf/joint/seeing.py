@@ -1,4 +1,4 @@
-"""What the sensor can make of each component where it is: given the shadows, the distance and runs of misses."""
+"""The detection probability of each component, given shadows, distance and runs of misses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the joint rule keeps of each component: any source of detections, of which it asks whether it is a vehicle."""
+"""The joint rule's state for each component: any source of detections, which may be a vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What speeds say of a source's kind: false objects mostly stand, vehicles flow with the traffic or have stopped."""
+"""What speed says about a source's kind: most false objects stand; vehicles move with the traffic or have stopped."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Where vehicles may be: the road, lanes as a graph, and the plane around the sensor."""
+"""Where vehicles can be: the road, lanes as a graph, and the plane around the sensor."""

@@ -1,4 +1,4 @@
-"""What holds vehicles where lanes meet: signals, and ways that must be given."""
+"""Signals and right of way where lanes meet."""
 
 from __future__ import annotations
 

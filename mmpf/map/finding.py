@@ -1,4 +1,4 @@
-"""Compiled loops over the straight pieces of lanes: who is where, on which lane, and back."""
+"""Compiled loops over lane segments: the lane of each position, and positions along lanes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How lanes of a graph lie in the plane as an area: places drawn evenly over it, and how much of it is in range.
+"""Lanes of a graph as an area: uniform samples over it, and how much of it is in range.
 
 Paths across a junction lie over one another. What several lanes cover is one piece of ground and counts once.
 """

@@ -1,4 +1,4 @@
-"""How large a graph of lanes may be: it comes from files of elsewhere, and its squares must fit in memory."""
+"""Bounds on the size of a lane graph: it comes from external files, and its square matrices must fit in memory."""
 
 from __future__ import annotations
 

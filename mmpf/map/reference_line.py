@@ -1,4 +1,4 @@
-"""The line that carries a road's frame: distances along it and to the left of it, and places in the Cartesian plane."""
+"""The reference line of a road frame: conversion between distances along and across it and the Cartesian plane."""
 
 from __future__ import annotations
 

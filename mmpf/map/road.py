@@ -1,4 +1,4 @@
-"""A road: where its lanes lie, and how its frame maps to the Cartesian plane.
+"""The road protocol: where lanes are, and how the road frame maps to the Cartesian plane.
 
 There are two kinds. ``CorridorRoad`` is one road: its right-handed frame runs along a reference line in the driving
 direction and to the left of it, and lane numbers follow NGSIM: 1 is the leftmost main lane, numbers grow to the right.

@@ -1,4 +1,4 @@
-"""The plane around the sensor: light travels straight in it, while the road's own frame bends with the road."""
+"""The plane around the sensor, in which light travels straight even where the road frame bends."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Fitted models and process noise, committed as data, and their cards."""
+"""Fitted models and process noise, committed as data, and their model cards."""

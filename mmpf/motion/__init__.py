@@ -1,4 +1,4 @@
-"""Motion models: how a vehicle may move in one time step, given road and traffic around it."""
+"""Motion models: how a vehicle may move in one time step, given the road and traffic around it."""
 
 from mmpf.motion.protocol import MotionModel, motion_models
 

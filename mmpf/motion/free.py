@@ -1,4 +1,4 @@
-"""Motion in a plane of which no lanes are known: any motion model drives straight on, and turns as it drifts.
+"""Motion in a plane without lanes: any motion model drives straight on, and its lateral drift turns the heading.
 
 The inner model moves a vehicle in a frame that begins where it is and points where it points. What the model makes of
 its lateral speed turns the vehicle: a vehicle goes where it points. The latents have the rows that motion along lanes

@@ -1,4 +1,4 @@
-"""Motion along the lanes of a graph: any motion model drives in its own lane's frame, whatever the lane's shape.
+"""Motion along the lanes of a graph: any motion model drives in the frame of its own lane.
 
 Each particle carries the lane it is on and the one it means to take next. Particles of one vehicle that mean to take
 different ways at a junction are hypotheses about its route, which the detections sort out.

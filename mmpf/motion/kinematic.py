@@ -1,4 +1,4 @@
-"""The plain kinematic models, and the noise and the motion along the road that other models share with them."""
+"""The kinematic models, and the noise and longitudinal motion that other models share with them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unforeseen manoeuvres: at any moment a driver may brake or accelerate as no motion model foresees, and go on with it.
+"""Random manoeuvres: a driver may brake or accelerate for a while as no motion model predicts.
 
 A behaviour model knows what drivers usually do. One that brakes in an emergency leaves the particles of such a model
 behind, and the more of its detections they can't explain, the noisier a filter takes its sensor to be. So some

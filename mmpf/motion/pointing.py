@@ -1,4 +1,4 @@
-"""Measured directions of vehicles: where newborn particles point, and how likely a direction is of a particle."""
+"""Measured headings: the headings of new particles, and the likelihood of a heading."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The role of a motion model: one vectorised call that moves every particle of every component one step on."""
+"""The motion model protocol: one vectorised call moves all particles of all components by one step."""
 
 from __future__ import annotations
 

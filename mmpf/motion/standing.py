@@ -1,4 +1,4 @@
-"""Vehicles that stand: speeds that are never negative would let them creep, so who stands goes on standing."""
+"""Standing vehicles stay in place: nonnegative speed noise alone would let them creep forward."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of the state of a particle or a track."""
+"""Names of the rows of a particle's or track's state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What particles try more often than vehicles do it, and what weight that leaves them.
+"""Importance sampling of rare events: particles try them more often than vehicles do, and weights correct for it.
 
 A vehicle may at any moment begin what few begin: a hard braking, a lane change. There must always be particles that try
 it, or a filter finds out too late. So some motion models let particles in sight begin it more often than vehicles do.

@@ -1,4 +1,4 @@
-"""Driving where roads bend and meet: how fast a driver goes for limits, turns and lines on the way that it takes."""
+"""Speeds where roads bend and meet: limits for curves, turns and stop lines on the route."""
 
 from __future__ import annotations
 

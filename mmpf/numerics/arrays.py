@@ -1,4 +1,4 @@
-"""The types of arrays, and what is done to every column of a struct of arrays."""
+"""Array types, and operations on every column of a struct of arrays."""
 
 from __future__ import annotations
 

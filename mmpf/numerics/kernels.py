@@ -1,4 +1,4 @@
-"""How kernels are compiled: one set of options, so that what several of them use is compiled for all at once."""
+"""The compiler options that all kernels share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Products of small matrices: the same bytes whatever linear algebra library there is and however busy the cores."""
+"""Products of small matrices that give the same bytes with any linear algebra library and number of threads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""On how many processor cores the filter works: on one, or on several that share the particles with equal results."""
+"""The number of threads that share the particles; results do not depend on it."""
 
 from __future__ import annotations
 

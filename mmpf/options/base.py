@@ -1,4 +1,4 @@
-"""What a setting is: a frozen field with bounds, a meaning and a unit, found by its dotted key."""
+"""A setting: a frozen field with bounds, meaning and unit, addressed by a dotted key."""
 
 from __future__ import annotations
 

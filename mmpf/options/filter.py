@@ -1,4 +1,4 @@
-"""The filter's settings; every number that is not the sensor's or the motion model's.
+"""The filter's settings: all numbers that belong to neither the sensor nor the motion model.
 
 The groups of ``FilterOptions`` itself hold for both update rules, those of ``joint`` and ``max_likelihood`` for one.
 """

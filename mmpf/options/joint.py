@@ -1,4 +1,4 @@
-"""The settings that only the joint update reads."""
+"""Settings of the joint update only."""
 
 from __future__ import annotations
 

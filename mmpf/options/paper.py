@@ -1,4 +1,4 @@
-"""The settings that only the paper's update reads."""
+"""Settings of the paper's update only."""
 
 from __future__ import annotations
 

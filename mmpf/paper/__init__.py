@@ -1,1 +1,1 @@
-"""The paper's own update: the largest likelihood."""
+"""The paper's update: the largest likelihood."""

@@ -1,4 +1,4 @@
-"""Finetune by k-medoids: particles near several components are dealt out anew, identities stay with the medoids."""
+"""Finetune by k-medoids: particles near several components are reassigned; identities stay with the medoids."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's own update: a particle's likelihood is its largest over all detections, then k-medoids reclustering.
+"""The paper's update: a particle's likelihood is its largest over all detections, then k-medoids reclustering.
 
 Section II of Li, Zhan and Tomizuka (2018), equations (8) to (11) and the stages of Fig. 1, in log space.
 """

@@ -1,1 +1,1 @@
-"""The stages of a step that both update rules share: prediction, the role of an update rule, and reporting."""
+"""The stages that both update rules share: prediction, the update-rule protocol and reporting."""

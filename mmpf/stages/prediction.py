@@ -1,4 +1,4 @@
-"""Prior update: every particle moves one step, equations (1) and (4)."""
+"""Prior update: every particle moves by one step, equations (1) and (4)."""
 
 from __future__ import annotations
 

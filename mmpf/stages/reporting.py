@@ -1,4 +1,4 @@
-"""What the filter tells after a scan: the tracks, and what happened inside the step."""
+"""The filter's output after a scan: tracks, and diagnostics of the step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The role of an update rule: the stages of the paper's Fig. 1 between the prior update and the report."""
+"""The update-rule protocol: the stages of the paper's Fig. 1 between prior update and report."""
 
 from __future__ import annotations
 

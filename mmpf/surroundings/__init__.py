@@ -1,1 +1,1 @@
-"""Who and what is around each particle: neighbours, adjacent lanes, stop lines and right of way."""
+"""The traffic and road around each particle: neighbours, adjacent lanes, stop lines and right of way."""

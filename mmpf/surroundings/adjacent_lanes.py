@@ -1,4 +1,4 @@
-"""The lane that each particle is in, its lines, and the lanes beside it."""
+"""The lane of each particle, its boundaries, and the adjacent lanes."""
 
 from __future__ import annotations
 

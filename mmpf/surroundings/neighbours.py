@@ -1,4 +1,4 @@
-"""Who is ahead of and behind each vehicle in every lane, and how far each particle is from them."""
+"""The vehicles ahead of and behind each vehicle in every lane, and each particle's distances to them."""
 
 from __future__ import annotations
 

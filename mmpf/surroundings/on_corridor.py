@@ -1,4 +1,4 @@
-"""Road and traffic around each particle, taken from the lanes, the other components and the ego vehicle.
+"""Road and traffic around each particle on a corridor, from lanes, other components and the ego.
 
 Who leads and who follows whom is settled between component means, lane by lane, and in the own lane by who is in the
 way; the gap is then each particle's own. Off every lane, as on a ramp, there are no lines and nobody to follow.

@@ -1,4 +1,4 @@
-"""Road and traffic around each particle on a lane graph: its own lane's lines, and who leads and follows on its way."""
+"""Road and traffic around each particle on a lane graph: its lane's boundaries, leader and follower on its route."""
 
 from __future__ import annotations
 

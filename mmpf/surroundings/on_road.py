@@ -1,4 +1,4 @@
-"""How vehicles move on a road, what each particle knows of it, and what of the belief is reported: by kinds of road."""
+"""For each type of road: how vehicles move, each particle's surroundings, and how beliefs are reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which way a vehicle took that nobody saw: of the ways that its particles took, the heaviest is reported."""
+"""The route reported for a hidden vehicle: the one with the largest particle weight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which links of a lane graph vehicles may take now, as far as a tracker can tell.
+"""Which links of a lane graph vehicles may enter now, as far as a tracker can tell.
 
 A signal's state is known where the scan says it. Elsewhere it is inferred from who is seen to drive and to wait. Who
 has to give way is held by those who come.

@@ -1,4 +1,4 @@
-"""Stop lines: who takes the link ahead for closed follows a leader that stands there."""
+"""Stop lines: a particle whose next link is closed follows a virtual leader that stands there."""
 
 from __future__ import annotations
 

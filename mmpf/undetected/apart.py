@@ -1,4 +1,4 @@
-"""Where known vehicles are as seen from pieces of lane, and where they leave no room for others."""
+"""Where known vehicles are relative to lane pieces, and where they leave no room for others."""
 
 from __future__ import annotations
 

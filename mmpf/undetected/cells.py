@@ -1,4 +1,4 @@
-"""The lanes of a road in short pieces, and where traffic flows from one piece to the next."""
+"""The lanes of a road in short pieces, and the flow of traffic between pieces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The expected number of vehicles that the sensor has never seen, on each stretch of lane around it.
+"""The expected number of undetected vehicles on each piece of lane around the sensor.
 
 In dense traffic most vehicles in a shadow were never seen, so that no track stands for them. Their number is a Poisson
 field, as that of undetected targets in Williams (IEEE TAES 2015): it drives with the traffic, comes in where the

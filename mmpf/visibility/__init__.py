@@ -1,1 +1,1 @@
-"""What the sensor can see and detect: shadows, range, detection probability and false objects."""
+"""What the sensor can see: shadows, range, detection probability and false detections."""

@@ -1,4 +1,4 @@
-"""The surfaces that vehicles and walls present to the sensor: a table over bearing, in the plane.
+"""The distance from the sensor to the nearest surface of vehicles and walls, as a table over bearing.
 
 Every component that probably exists is a rectangle of its estimated size, which points along the road at its place or
 where it is said to point. The table holds the two nearest surfaces, so that no component lies in its own shadow.

@@ -1,4 +1,4 @@
-"""What a visible fraction is worth: the probabilities that the sensor detects each particle's vehicle."""
+"""The detection probability of each particle's vehicle, given its visible fraction."""
 
 from __future__ import annotations
 

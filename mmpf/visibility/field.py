@@ -1,4 +1,4 @@
-"""The sensor's field of view: a camera sees nobody beside it, so that nobody is missed there and nobody vanishes."""
+"""The sensor's field of view: a vehicle outside it is neither missed nor removed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Misses come in runs: the probability that the sensor is in the middle of a run of misses of a vehicle.
+"""Runs of misses: the probability that the sensor is in the middle of one for a vehicle.
 
 A two-state chain per component beside its particles: in one state the data sheet holds, in the other the vehicle is
 missed wherever it is. It is filtered with the component, so that one miss is no surprise, a few in a row are probably a

@@ -1,4 +1,4 @@
-"""How well the sensor sees at each distance, in plain view: counted as it goes, since no data sheet says it for all.
+"""Detection probability in plain view at each distance, learned online because no data sheet states it for all.
 
 A data sheet names one detection probability; real detectors find hardly any vehicle at the end of their range, and a
 sheet may promise too much everywhere. Detections and scans in which one was to be expected are counted in rings around

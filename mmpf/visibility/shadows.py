@@ -1,4 +1,4 @@
-"""What the tracker's own tracks hide from the sensor: the expected visible fraction of each particle's vehicle.
+"""What the tracker's own tracks hide: the expected visible fraction of each particle's vehicle.
 
 Each particle looks up the rays over its extent in the table of nearest surfaces (``mmpf.visibility.depth``).
 """

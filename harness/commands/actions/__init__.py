@@ -1,1 +1,1 @@
-"""What the commands do: imported when a command is called, not when it is described."""
+"""What each command does. These modules are imported when a command is called, not when it is described."""

@@ -1,4 +1,4 @@
-"""A comparison of two sides, told and written as the options of ``compare`` ask for."""
+"""Compares two sides, and prints and writes the result as the options of ``compare`` say."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The behaviour model: fitted, written and told."""
+"""Fits a behaviour model, writes it and prints its figures."""
 
 from __future__ import annotations
 

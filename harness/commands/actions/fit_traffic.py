@@ -1,4 +1,4 @@
-"""Drivers and demands: fitted, written and told."""
+"""Fits drivers and demands, writes them and prints their figures."""
 
 from __future__ import annotations
 

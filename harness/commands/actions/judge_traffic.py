@@ -1,4 +1,4 @@
-"""Simulated traffic beside measured: compared, written and told."""
+"""Compares simulated with measured traffic, and writes and prints the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drives that an ego makes by what trackers tell it, with the pages of their folder."""
+"""Makes the closed-loop drives and the pages of their folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The studies: made, written as a folder with its page, and told on stdout."""
+"""Makes a study, writes its folder and page, and prints the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The time that trackers take: measured, written and told."""
+"""Measures how long trackers take, and writes and prints the result."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The drivers that come along."""
+"""The built-in drivers."""

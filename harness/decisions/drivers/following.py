@@ -1,4 +1,4 @@
-"""How drivers follow and which gaps beside them they take for safe: the intelligent driver model over beliefs.
+"""Car following and safe gaps: the intelligent driver model applied to beliefs.
 
 The parameters are the highway column of Treiber and Kesting, "Traffic Flow Dynamics" (2013), table 11.2.
 """

@@ -1,4 +1,4 @@
-"""A driver that looks beyond its leader (Treiber, Kesting and Helbing, Physica A 360 (2006), section 2.4).
+"""The human driver model: it looks beyond its leader (Treiber, Kesting and Helbing, Physica A 360 (2006), section 2.4).
 
 Of the human driver model this is the spatial anticipation: each vehicle ahead adds the interaction that it would cause
 if it were the leader, at the sum of the clear gaps up to it. Gaps and headways are divided by the root of the sum of

@@ -1,4 +1,4 @@
-"""A driver that minds the vehicle right ahead, and nobody else."""
+"""The intelligent driver model: it reacts only to the vehicle directly ahead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A driver that changes lanes where it gains by it (Kesting, Treiber and Helbing, TRR 1999 (2007): MOBIL)."""
+"""Lane changes by MOBIL (Kesting, Treiber and Helbing, TRR 1999 (2007))."""
 
 from __future__ import annotations
 

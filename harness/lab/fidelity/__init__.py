@@ -1,1 +1,1 @@
-"""How real the simulated traffic is, and the fit of its drivers and demands to what was measured."""
+"""How realistic the simulated traffic is, and the calibration of its drivers and demands to measurements."""

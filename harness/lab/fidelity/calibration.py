@@ -1,4 +1,4 @@
-"""A calibration from request to files."""
+"""Runs a calibration from request to files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A candidate of the calibration: drivers and demands, how it is improved, and the file that holds the outcome."""
+"""A candidate of the calibration: drivers and demands, how they are improved, and the file of the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulated against recorded traffic, from request to result."""
+"""Compares simulated with recorded traffic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each main lane carries beside the mean of all of them, in simulated and in recorded traffic.
+"""Differences of each main lane from the mean of all lanes, in simulated and recorded traffic.
 
 Ratios, because recordings are short and of no particular part of a period: a lane's own speed says more of the minute
 than of the lane.

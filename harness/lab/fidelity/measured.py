@@ -1,4 +1,4 @@
-"""What was measured at a network's site: the figures of each period, which travel with the network.
+"""Measurements at a network's site for each period; they are stored with the network.
 
 The fields that they come from do not; ``measure`` makes the figures from them anew.
 """

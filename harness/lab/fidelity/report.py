@@ -1,4 +1,4 @@
-"""What a comparison leaves behind: ``fidelity.json``, ``fidelity.md`` and figures."""
+"""Writes a comparison as ``fidelity.json``, ``fidelity.md`` and figures."""
 
 from __future__ import annotations
 

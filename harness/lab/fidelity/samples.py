@@ -1,4 +1,4 @@
-"""What single vehicles do, as samples: the same code takes them from recorded and from simulated frames.
+"""Samples of single vehicles' behaviour, taken by the same code from recorded and simulated frames.
 
 Counted are vehicles on lanes, away from the ends of the stretch that is on record. A headway is the distance, or the
 time at the follower's speed, between the fronts of two vehicles in a row on one lane.

@@ -1,4 +1,4 @@
-"""Simulated traffic laid on the cells of the recorded one, and what its vehicles do."""
+"""Simulated traffic on the cells of the recorded traffic, and samples of its vehicles."""
 
 from __future__ import annotations
 

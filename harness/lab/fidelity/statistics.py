@@ -1,4 +1,4 @@
-"""The figures that a period of traffic is judged by, and how near the simulated ones have to be to the measured.
+"""The figures by which a period of traffic is judged, and the tolerated differences from the measured ones.
 
 The same code takes them from the fields of recorded and of simulated traffic.
 """

@@ -1,4 +1,4 @@
-"""Model cards: what a fitted model was made from, how good it is, and what it can't do."""
+"""Model cards: what a model was fitted to, how good it is, and its limitations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fits how unlike vehicles are in how often a real detector finds them in plain view.
+"""Fits the spread between vehicles of how often a real detector finds them in plain view.
 
     python -m harness.lab.fit.detectability_fit --kitti KITTI
 

@@ -1,4 +1,4 @@
-"""Fits everything that the learned driver consists of to windows of recorded car following."""
+"""Fits all parts of the learned driver to windows of recorded car following."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fills the table of the empirical follower with what recorded drivers did."""
+"""Fills the table of the empirical follower from recorded drivers."""
 
 from __future__ import annotations
 

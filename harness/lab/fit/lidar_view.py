@@ -1,4 +1,4 @@
-"""How well what is seen of a vehicle tells whether a real lidar met it: ``python -m harness.lab.fit.lidar_view LOGS``.
+"""How well the visible part predicts lidar returns: ``python -m harness.lab.fit.lidar_view LOGS``.
 
 ``LOGS`` is a folder of Argoverse 2 logs, whose cuboids say whether three points of the raw lidar fell into them. The
 area under the curve (AUC) is the chance that a vehicle that was met ranks above one that was not: by the visible

@@ -1,4 +1,4 @@
-"""Fitting Gaussian mixtures to samples: k-means start, expectation maximisation, choice of size by BIC."""
+"""Fits Gaussian mixtures: k-means start, expectation maximisation, choice of size by BIC."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples that teach a driver model to come back: recovery labels and data as demonstrator.
+"""Samples that teach a driver model to recover from its own errors: recovery labels and data as demonstrator.
 
 A model fitted to recorded states alone never sees its own mistakes, so closed-loop errors grow. Recovery labels perturb
 the recorded state and ask for the acceleration that leads back to the recorded trajectory. Data as demonstrator

@@ -1,4 +1,4 @@
-"""Fits the rivals with the same data: IDM and its adaptive form, and every kinematic model's process noise.
+"""Fits the other models to the same data: IDM, its adaptive form, and the process noise of kinematic models.
 
 The size of the noise is found by one procedure for all: maximum likelihood of the state one second on. Each model runs
 without noise from recorded states for one second. Its errors in position and speed are taken for those of white noise

@@ -1,4 +1,4 @@
-"""Training from traffic to model files and cards."""
+"""Trains models from traffic to model files and cards."""
 
 from __future__ import annotations
 

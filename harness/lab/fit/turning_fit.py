@@ -1,4 +1,4 @@
-"""Fitting how drivers drive by the map to simulated traffic where roads bend and meet: medians over free drivers."""
+"""Fits speeds at bends and junctions to simulated traffic: medians over free drivers."""
 
 from __future__ import annotations
 

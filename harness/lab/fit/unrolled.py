@@ -1,4 +1,4 @@
-"""Fits the residual follower to whole rollouts, by the gradient through them.
+"""Fits the residual follower to whole rollouts by their gradient.
 
 Particles are rolled out behind recorded leaders for ten seconds. What is made small is the continuous ranked
 probability score of their positions and speeds (Gneiting and Raftery, JASA 2007). It is a proper score: it is least

@@ -1,4 +1,4 @@
-"""The studies' pictures: particles over time with the truth, and mean errors over time."""
+"""The studies' figures: particles over time with the truth, and mean errors over time."""
 
 from __future__ import annotations
 

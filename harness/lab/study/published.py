@@ -1,4 +1,4 @@
-"""The two studies with their traffic and models put together."""
+"""The two studies with their traffic and models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs every model over a study's cases and turns the scores into the rows that are reported."""
+"""Runs every model over a study's cases and collects the scores as rows."""
 
 from __future__ import annotations
 

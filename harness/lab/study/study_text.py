@@ -1,4 +1,4 @@
-"""A study's folder: results as JSON and as a table for people, and the pictures."""
+"""A study's folder: results as JSON and as a Markdown table, and figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What came of the transfer study: each model's errors, and which model loses to which."""
+"""Results of the transfer study: each model's errors, and which models differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The transfer study's folder: a table 'model x trained on x tested on', who loses to whom, and a picture."""
+"""The transfer study's folder: a table of model x training x test traffic, the differences, and a figure."""
 
 from __future__ import annotations
 

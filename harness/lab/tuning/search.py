@@ -1,4 +1,4 @@
-"""Tunes the trackers' settings, all by one procedure and with one budget, so that no baseline is left untuned.
+"""Tunes the settings of all trackers by one procedure and one budget.
 
     python -m harness.lab.tuning.search --tracker all --write
 

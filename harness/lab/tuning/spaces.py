@@ -1,4 +1,4 @@
-"""What the search for each tracker's settings may change: a range of numbers or a few values for each setting.
+"""The search space of each tracker: a range or a few values for each setting.
 
 Keys are dotted, as below ``tracker.options``. Settings of a group with a switch, ``doubtful.on``,
 are searched only while it is on.

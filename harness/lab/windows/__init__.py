@@ -1,1 +1,1 @@
-"""Recorded and made driving that studies and training share."""
+"""Recorded and simulated driving that studies and training share."""

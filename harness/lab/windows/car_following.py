@@ -1,4 +1,4 @@
-"""Windows of a recording in which a vehicle follows one leader, or nobody, in one lane: training and study cases."""
+"""Windows of a recording in which a vehicle follows one leader, or none, in one lane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a study is made over: true trajectories, and what models may know of the traffic around them."""
+"""The cases of a study: true trajectories, and what models may know of the traffic around them."""
 
 from __future__ import annotations
 

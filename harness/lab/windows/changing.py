@@ -1,4 +1,4 @@
-"""Windows of a recording around a lane change: five seconds before and after, as the paper takes them."""
+"""Windows of a recording around a lane change: five seconds before and after, as in the paper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A particle filter per case, all cases at once: prediction by a motion model, update by very noisy measurements."""
+"""A particle filter for each case, all cases at once: prediction by a motion model, update by noisy measurements."""
 
 from __future__ import annotations
 

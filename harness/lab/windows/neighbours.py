@@ -1,4 +1,4 @@
-"""Who drives ahead of and behind each row of a recording, in its own lane and in the lanes beside it."""
+"""The vehicles ahead of and behind each row of a recording, in its own and the adjacent lanes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drivers on a map whom no leader holds: where each is on its lane, and which lane it took next."""
+"""Drivers on a map without a leader: the place of each on its lane, and the lane it took next."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Traffic recorded on real roads as recordings that windows are cut from, like those of simulated traffic."""
+"""Recorded real traffic in the form of simulated recordings, so that windows can be cut from it."""
 
 from __future__ import annotations
 

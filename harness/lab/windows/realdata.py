@@ -1,4 +1,4 @@
-"""Where recordings of real roads lie: they are not part of the project, so the user says where."""
+"""Finds recordings of real roads: they are not part of the project, so the user gives their folder."""
 
 from __future__ import annotations
 

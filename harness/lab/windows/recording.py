@@ -1,4 +1,4 @@
-"""Traffic recorded once for training, as files that a later run finds again."""
+"""Traffic recorded once for training, and stored for later runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which traffic is recorded for what: seeds never serve two purposes."""
+"""Which seeds of traffic serve training, tuning and reporting: no seed serves two purposes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors, coverage and sharpness of the particles against the truth, step by step."""
+"""Errors, coverage and sharpness of particles against the truth at each step."""
 
 from __future__ import annotations
 

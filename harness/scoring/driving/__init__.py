@@ -1,1 +1,1 @@
-"""What the driver would do by the truth and by the tracks."""
+"""Compares a driver's decisions by the truth with those by the tracks."""

@@ -1,4 +1,4 @@
-"""The ego's driver, asked at each step with the truth and with the tracks."""
+"""Asks the ego's driver at each step for a command by the truth and one by the tracks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run's vehicles and tracks as bodies that a driver may believe in.
+"""A run's vehicles and tracks as bodies that a driver can believe in.
 
 Tracks say neither how long vehicles are nor, in the plane, where they point. A track is as long as the detections on it
 have been measured so far, and points where it has lately been going; no truth is used.

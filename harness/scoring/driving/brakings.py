@@ -1,4 +1,4 @@
-"""Missed and phantom brakings: where the tracks would have the ego's driver do otherwise than the truth, and why.
+"""Missed and phantom brakings: where the driver decides differently by the tracks than by the truth, and why.
 
 A braking is missed where by the truth the driver brakes and by the tracks it does not, for half a second or more; it is
 a phantom the other way round. For a vehicle in plain view that the tracker withholds a braking is missed more readily,

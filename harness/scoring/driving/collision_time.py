@@ -1,4 +1,4 @@
-"""Time to collision, on which several scores rest."""
+"""Time to collision, used by several scores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles ahead of the ego that are in plain view and that the tracker withholds.
+"""Vehicles ahead of the ego in plain view that the tracker does not report.
 
 A driver who sees no track does not slow down, however gently the ego did when the run was recorded. So the truth's
 demand alone, made at the ego's recorded speed, does not tell what is missed: an ego that rolls gently up to a stopped

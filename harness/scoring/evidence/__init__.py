@@ -1,1 +1,1 @@
-"""What is found out about a run's vehicles and tracks once, for all metrics."""
+"""Facts about a run's vehicles and tracks that all metrics share."""

@@ -1,4 +1,4 @@
-"""Directions of vehicles where positions are in the plane: gates and errors lie along and across them.
+"""Headings of vehicles where positions are in the plane: gates and errors are along and across them.
 
 On a road with a frame of its own every direction is 0, and the frame's axes are those of all gates and errors.
 """

@@ -1,4 +1,4 @@
-"""The table of errors: one row per vehicle that has been detected and step, who follows it and how far off."""
+"""The table of errors: one row per step and once-detected vehicle, with its track and the error."""
 
 from __future__ import annotations
 

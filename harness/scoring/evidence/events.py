@@ -1,4 +1,4 @@
-"""Occlusion events: a vehicle goes behind another and comes back, and its track is alive and its own, or not."""
+"""Occlusion events: a vehicle is hidden and seen again, and whether its track is alive and still its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who follows whom: all reported tracks against all vehicles that a tracker can know of, in one assignment a step.
+"""Assigns all reported tracks to all known vehicles, one assignment for each step.
 
 The gate decides who stands for whom where both can be seen; a hidden vehicle's track may be metres off and still be the
 best that is known of it. So pairs go up to a cut-off, and seen and hidden vehicles compete for the tracks together: a

@@ -1,4 +1,4 @@
-"""What the sensor has had of each vehicle up to each step: the base of who is in sight and of truth identities."""
+"""What the sensor has detected of each vehicle up to each step: who is in sight, and truth identities."""
 
 from __future__ import annotations
 

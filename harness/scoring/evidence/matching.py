@@ -1,4 +1,4 @@
-"""Which track stands for which vehicle: by the gate where it can be seen, by identity where it can't."""
+"""Which track belongs to which vehicle: by the gate where it is visible, by identity where it is hidden."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which tracks lie near which vehicles, and how near."""
+"""Pairs of nearby tracks and vehicles, and their distances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is in plain view: which vehicle-steps every tracker must have a track on, whatever was detected.
+"""Which vehicle-steps are in plain view: every tracker must have a track there, whatever was detected.
 
 Truth alone decides. A vehicle that the sensor hardly ever detects is in plain view as much as any other.
 """

@@ -1,4 +1,4 @@
-"""A run as arrays: the tables of truth, detections and tracks, read once."""
+"""The tables of truth, detections and tracks of a run as arrays, read once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the multi-object metrics compare: truth identities, track identities and their similarities."""
+"""Input of the multi-object metrics: truth identities, track identities and their similarities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The numbers of the scoring rules."""
+"""The constants of the scoring rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unbroken stretches of steps in which something holds, and those of a missed braking."""
+"""Unbroken runs of steps in which a condition holds, and those of a missed braking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles that no track stands for, counted on the stretches of lane for which somebody said how many to expect."""
+"""Vehicles without a track, counted on the lane pieces for which an expected number was stated."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The metrics, one a file, and their registry."""
+"""The metrics, one a module, and their registry."""

@@ -1,4 +1,4 @@
-"""Are the trackers' standard deviations honest?
+"""Whether the trackers' standard deviations agree with their errors.
 
 Deviations are along the frame's axes, and so are the errors that they are held against. Turning them into each
 vehicle's direction would take the correlation of the two axes, which tracks do not report: an honest tracker that knows

@@ -1,4 +1,4 @@
-"""What a drive by a belief amounts to: collisions, conflicts, comfort, and brakings that the belief missed or made up.
+"""Scores of a closed-loop drive: collisions, conflicts, comfort, and missed and phantom brakings.
 
 The rows are a closed loop's (``harness.closedloop``): the ego really did what its driver demanded, and the others
 reacted. Everything is measured by the truth.

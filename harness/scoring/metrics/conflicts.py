@@ -1,4 +1,4 @@
-"""Surrogate safety measures of the traffic itself, for those who know them: TTC, DRAC and PET, from the truth alone.
+"""Surrogate safety measures of the traffic itself (TTC, DRAC and PET), from the truth alone.
 
 They tell how tense the traffic around the ego is, not how good a tracker is: every tracker of the same traffic has the
 same ones.

@@ -1,4 +1,4 @@
-"""How much of the traffic the sensor and the tracker cover at all."""
+"""What share of the traffic the sensor and the tracker cover."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tracks do to driving: the ego's driver is asked by the tracks and by the truth, and the answers held together.
+"""Differences between the driver's decisions by the tracks and by the truth.
 
 The ego drives as it did; nothing that the driver would do is done. So every tracker is asked of the same traffic.
 """

@@ -1,4 +1,4 @@
-"""Is the stated existence of a track the probability that it is a vehicle?"""
+"""Whether a track's stated existence is the probability that it is a vehicle."""
 
 from __future__ import annotations
 

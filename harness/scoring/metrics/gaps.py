@@ -1,4 +1,4 @@
-"""Scores on real detections: identity after gaps in them, of moving and of parked vehicles apart.
+"""Scores on real detections: identity after gaps in detection, for moving and parked vehicles.
 
 Only where the source tells parked vehicles from others. A gap is an occlusion event (``events``); that
 of a parked vehicle asks less of a tracker, which finds it where it was.

@@ -1,4 +1,4 @@
-"""What is known of hidden vehicles, all of them counted, and what the knowledge costs in tracks of nobody.
+"""The cost of hidden vehicles: errors with lost vehicles counted, and false tracks in hidden space.
 
 The mean errors of ``mae`` hold while a vehicle is followed, so they are small for a tracker that lets go of the
 difficult ones. Here the vehicle-steps are the same for every tracker on the same detections, and whoever lets go pays

@@ -1,4 +1,4 @@
-"""What became of the tracks of hidden vehicles, to read their errors by."""
+"""Outcomes of the tracks of hidden vehicles, which explain their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scores by what vehicles do: straight on, turning left or right, coming towards the ego, or on a roundabout.
+"""Scores by manoeuvre: straight on, turning left or right, oncoming, or on a roundabout.
 
 Only where positions are in the plane, and of roundabouts where the network tells of one; on a road with a frame of its
 own every vehicle goes straight on, and the table is left out.

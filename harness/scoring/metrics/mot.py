@@ -1,4 +1,4 @@
-"""Multi-object scores: HOTA, CLEAR and identity scores of the vehicles in sight, and of all that are remembered."""
+"""HOTA, CLEAR and identity scores of vehicles in sight, and of all known vehicles."""
 
 from __future__ import annotations
 

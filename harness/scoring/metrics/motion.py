@@ -1,4 +1,4 @@
-"""Quality of motion: how smoothly tracks move, and how well they tell acceleration and heading, by visibility.
+"""Quality of motion by visibility: smoothness of tracks, and errors of acceleration and heading.
 
 A step counts if the same track followed the vehicle at the step before as well (and before that, for jerk).
 """

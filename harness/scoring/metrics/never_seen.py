@@ -1,4 +1,4 @@
-"""Is the expected number of unseen vehicles right, and worth more than knowing how dense traffic is?"""
+"""Whether the expected number of undetected vehicles is right, and better than the mean density."""
 
 from __future__ import annotations
 

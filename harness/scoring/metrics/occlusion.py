@@ -1,4 +1,4 @@
-"""What becomes of a track when its vehicle goes behind another and comes back."""
+"""What happens to a track while its vehicle is hidden and when it is seen again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metrics in parts: each stretch of a run is measured once and let go of, and the totals are made of the measures."""
+"""Metrics of long runs: each part is measured once and freed, and the totals are made from the measures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scores of vehicles hidden on purpose: where a track is when the time ends, and whether the identity was kept.
+"""Scores of vehicles hidden on purpose: the error when the time ends, and whether the identity was kept.
 
 A window is the time for which the detections of one vehicle are withheld (``harness.sensor.pseudo_occlusion``). It
 counts if the vehicle is in range at its end. The yardstick is the true state at the last detection, extrapolated at

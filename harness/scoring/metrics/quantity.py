@@ -1,4 +1,4 @@
-"""What people are told of a metric's numbers: names, units and directions."""
+"""What a metric states about each of its numbers: name, unit and direction."""
 
 from __future__ import annotations
 

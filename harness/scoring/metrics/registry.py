@@ -1,4 +1,4 @@
-"""The metrics, each registered under its key in ``metrics.json`` with what others are told of its numbers."""
+"""The metrics, registered under their keys in ``metrics.json`` with the quantities that they give."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a run has anything to be scored on: numbers over nothing are worse than none."""
+"""Refuses to score a run in which there is nothing to score."""
 
 from __future__ import annotations
 

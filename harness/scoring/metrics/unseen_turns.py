@@ -1,4 +1,4 @@
-"""Is a vehicle that turned while nobody saw it reported on the way that it took?
+"""Whether a vehicle that turned while hidden is reported on the route that it took.
 
 At a junction a hidden vehicle may leave by one of several ways, and a tracker has to believe in one. The vehicle's own
 record tells which was right: no map is needed, and no way is right that merely lies nearest.

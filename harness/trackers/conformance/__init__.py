@@ -1,1 +1,1 @@
-"""What every tracker has to keep to, and scripted scenes that check it."""
+"""The requirements on every tracker, and scripted scenes that check them."""

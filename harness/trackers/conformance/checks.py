@@ -1,4 +1,4 @@
-"""A conformance suite for trackers, one's own included.
+"""A conformance suite for trackers, including the user's own.
 
     from harness.plugins import check_tracker, tracker_checks
 

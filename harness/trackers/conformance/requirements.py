@@ -1,4 +1,4 @@
-"""What the tracker role promises of every step, required while scans are fed to a tracker."""
+"""The requirements that the tracker protocol sets for every step, checked while scans are processed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small scenes with known answers: cars at constant speed, looked at without occlusion."""
+"""Small scenes with known answers: cars at constant speed, without occlusion."""
 
 from __future__ import annotations
 

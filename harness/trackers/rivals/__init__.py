@@ -1,1 +1,1 @@
-"""Trackers of today that are written here from their papers: boxes, interacting models, and the PMBM filter."""
+"""Current trackers, implemented here from their papers: box trackers and the PMBM filter."""

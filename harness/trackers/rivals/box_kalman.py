@@ -1,4 +1,4 @@
-"""Tracking by detection as automated driving does it: a Kalman filter of each box, matched by overlap.
+"""Tracking by detection as in automated driving: a Kalman filter for each box, matched by overlap.
 
 Written after AB3DMOT (Weng, Wang, Held and Kitani, IROS 2020) and SimpleTrack (Pang, Li and Wang, 2021): a box's
 middle moves at a nearly constant velocity, its size and direction hardly change, and each scan's boxes are assigned to

@@ -1,4 +1,4 @@
-"""The boxes that trackers of boxes follow: a Kalman filter of each one's middle, size and direction.
+"""The tracks of box trackers: a Kalman filter of each box's centre, size and heading.
 
 A box's middle moves at a nearly constant velocity; its size and direction hardly change. Middle, size and direction
 are filtered apart (the state of AB3DMOT, Weng, Wang, Held and Kitani, IROS 2020, without heights).

@@ -1,4 +1,4 @@
-"""Boxes seen from above: how much two of them overlap, and how far apart they are if they don't."""
+"""Geometry of boxes from above: overlap, and distance where they do not overlap."""
 
 from __future__ import annotations
 

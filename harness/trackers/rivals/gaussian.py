@@ -1,4 +1,4 @@
-"""Gaussian beliefs against detections: distances, likelihoods and pairs, all at once."""
+"""Vectorised Gaussian association: distances, likelihoods and pairs."""
 
 from __future__ import annotations
 

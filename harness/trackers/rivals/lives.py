@@ -1,4 +1,4 @@
-"""How long tracks live: what is counted of each, who is kept, and what is reported."""
+"""Lifetimes of tracks: counters of hits and misses, which tracks are kept and which are reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tracking by detection that leans on what was seen rather than on what was predicted: OC-SORT, on boxes from above.
+"""OC-SORT on boxes from above: association that trusts observations more than predictions.
 
 Written after Cao, Pang, Weng, Khirodkar and Kitani (Observation-Centric SORT, CVPR 2023). To a Kalman filter of each
 box it adds three things, by the paper's names:

@@ -1,4 +1,4 @@
-"""Settings that these trackers share, and how they are meant in the plane."""
+"""Settings that the rivals share, and their conversion to the plane."""
 
 from __future__ import annotations
 

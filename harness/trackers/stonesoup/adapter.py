@@ -1,4 +1,4 @@
-"""A tracker of Stone Soup's, once put together, in this project's tracker role: scans in, tracks out.
+"""Adapts an assembled Stone Soup tracker to the tracker protocol.
 
 Stone Soup's tracks carry no existence probability (1 is reported) and no flag for "can't be seen"; a track without an
 update for ``hidden_after_s`` is reported as hidden, so that pictures show it so. Tracks that are still held by the

@@ -1,4 +1,4 @@
-"""The pieces between this project and Stone Soup: detections, tracks, initiation and the order of things.
+"""Conversions between this project and Stone Soup: detections, tracks, initiation and the order of steps.
 
 Stone Soup keeps tracks and detections in Python sets, whose order follows memory addresses. That would make two equal
 runs differ, so everything here is kept in ordered sets.

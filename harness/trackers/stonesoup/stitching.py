@@ -1,4 +1,4 @@
-"""Identity stitching: a vehicle that comes back from hiding takes its old identity, whatever tracker follows it."""
+"""Identity stitching: a vehicle that is seen again gets its old identity, for any tracker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stone Soup's multi-target trackers, each put together from Stone Soup's own parts as its tutorials do.
+"""Stone Soup's multi-target trackers, each assembled from Stone Soup's components as in its tutorials.
 
 A nearly-constant-velocity or -acceleration model in the road frame, each detection with its own noise, tracks initiated
 after several detections and deleted when unseen for long or spread wide.

@@ -1,1 +1,1 @@
-"""Road networks: their files, roads, demands and drivers."""
+"""Road networks: files, roads, demands and drivers."""

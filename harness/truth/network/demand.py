@@ -1,4 +1,4 @@
-"""How drivers drive, how much traffic is asked for, and the speed and spacing that go with it.
+"""Drivers and traffic demand, with the speed and spacing that belong to it.
 
 The relation between density and speed is the triangular one that the improved intelligent driver model has in
 equilibrium (Treiber and Kesting, Traffic Flow Dynamics, 2013, chapter 11): gap = minimum gap + speed x time headway

@@ -1,4 +1,4 @@
-"""Any SUMO network in the plane: its lanes as a graph of lines, paths across junctions included, and its buildings."""
+"""Any SUMO network in the plane: its lanes as a graph of lines, with paths across junctions, and its buildings."""
 
 from __future__ import annotations
 

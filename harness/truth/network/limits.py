@@ -1,4 +1,4 @@
-"""Plausible lanes, vehicles and flows: a network's XML files are gone through in one pass before SUMO reads them."""
+"""Bounds on lanes, vehicles and flows: a network's XML files are checked in one pass before SUMO reads them."""
 
 from __future__ import annotations
 

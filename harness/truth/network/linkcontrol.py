@@ -1,4 +1,4 @@
-"""Signals and right of way of a SUMO network's connections, link by link of its graph of lanes."""
+"""Signals and right of way of a SUMO network's connections, for each link of its lane graph."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Networks: the ones that come with the project, and SUMO networks of the user's own.
+"""Networks: the built-in ones and the user's own SUMO networks.
 
 A network of the project is a folder with a ``network.toml``: which edges are the main road, where the scored section
 lies, and which demands are known. Adding a network is adding such a folder to ``networks/``.

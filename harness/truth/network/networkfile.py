@@ -1,4 +1,4 @@
-"""What a network's files hold: ``network.toml``, a calibration's outcome, SUMO configurations of the user's own."""
+"""Parses a network's files: ``network.toml``, a calibration's result, and the user's SUMO configurations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lines of points in the plane, shape (p, 2), and what lanes of a graph have in common whatever file they are from."""
+"""Lines of points in the plane, shape (p, 2), and operations that all lane-graph readers share."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SUMO configurations of the user's own: their inputs and how vehicles behave, and nothing else of them.
+"""The user's SUMO configurations: only their inputs and vehicle behaviour are used.
 
 A configuration can make SUMO write anywhere, wait for a connection, or load programs. So SUMO never reads it: its
 files and those options that decide the traffic alone are handed over one by one, the rest is left out.

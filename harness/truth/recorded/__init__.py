@@ -1,1 +1,1 @@
-"""Recorded traffic as a truth source: one module a format, and what they share on the way from rows to frames."""
+"""Recorded traffic as a truth source: one module for each format, and shared steps from rows to frames."""

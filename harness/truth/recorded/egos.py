@@ -1,4 +1,4 @@
-"""Which of the recorded vehicles carries the sensor, and when."""
+"""Which recorded vehicles carry the sensor, and when."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The formats of recorded traffic: recognised by what a file holds, never by its name.
+"""The formats of recorded traffic, recognised by a file's content and never by its name.
 
 A format that another package brings is only taken where it is named: nothing of others is imported to recognise a file.
 """

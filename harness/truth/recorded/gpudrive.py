@@ -1,4 +1,4 @@
-"""Waymo Open Motion scenes as GPUDrive writes them: a JSON of objects' states every tenth of a second, and roads.
+"""Waymo Open Motion scenes in GPUDrive's JSON: states of objects every tenth of a second, and roads.
 
 Headings are degrees in older files, radians in newer ones, and none says which: beyond a turn they are degrees.
 """

@@ -1,4 +1,4 @@
-"""highD recordings: three CSV files, metres, 25 frames a second, seen from above with y growing downwards.
+"""highD recordings: three CSV files, metres, 25 frames a second, seen from above with y pointing down.
 
 Positions are the upper left corners of the vehicles' boxes; ``width`` is the extent along the road. Vehicles of driving
 direction 1 go towards smaller x on the upper lanes, those of direction 2 towards larger x on the lower ones.

@@ -1,4 +1,4 @@
-"""Lanelets as a graph of lanes in the plane, for recordings of crossings, bends and roads with two directions."""
+"""Lanelets as a lane graph in the plane, for recordings of junctions, bends and two-way roads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The road frame from lanelets: one reference line along the main road, and lanes as strips beside it."""
+"""A road frame from lanelets: a reference line along the main road, and lanes as strips beside it."""
 
 from __future__ import annotations
 

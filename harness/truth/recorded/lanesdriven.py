@@ -1,4 +1,4 @@
-"""Which lanes of a graph recorded vehicles drove on: the likeliest sequence of lanes that lead to one another.
+"""The lanes of a graph that recorded vehicles used: the likeliest connected sequence.
 
 Where lanes cross or part several lie under a vehicle, and the nearest one changes from step to step. The sequence that
 fits all of a vehicle's places and directions best, without jumps between lanes that don't meet, is found by dynamic

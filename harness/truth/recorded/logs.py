@@ -1,4 +1,4 @@
-"""Truth, detections and tracks as other programs leave them, read into tables with the columns of this project.
+"""Reads truth, detections and tracks in other programs' formats into this project's tables.
 
 Every reader returns rows with ``episode``, ``time_s`` on the file's own clock, ``id`` and a place (``lon_m``,
 ``lat_m``); all other columns of ``harness.storage.schema`` where the file has them. Places are in the plane unless a

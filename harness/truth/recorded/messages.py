@@ -1,4 +1,4 @@
-"""Boxes from the messages of an MCAP file: Foxglove's scenes, and the objects of ``autoware_perception_msgs``.
+"""Boxes from an MCAP file's messages: Foxglove's scenes, and objects of ``autoware_perception_msgs``.
 
 ROS is not needed. Speeds of objects are along their own heading, as in Autoware; objects that are told in a frame that
 moves are put into the fixed one by the transform nearest in time.

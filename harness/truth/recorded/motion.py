@@ -1,4 +1,4 @@
-"""Speeds, headings and accelerations that a recording lacks or has wrong, from what it has right.
+"""Computes speeds, headings and accelerations where a recording lacks them or has them wrong.
 
 Recorded accelerations are second differences of noisy positions and are never used. Acceleration is the slope of the
 speed, and a speed that the file does not state the slope of the position, by least squares over half a second to

@@ -1,4 +1,4 @@
-"""Puts rows in order: duplicates out, time checked, and each vehicle's rows cut where its record pauses or jumps."""
+"""Sorts rows, removes duplicates, and splits a vehicle's rows where its recording pauses or jumps."""
 
 from __future__ import annotations
 

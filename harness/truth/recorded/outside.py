@@ -1,4 +1,4 @@
-"""Readers of recorded traffic: how they are found, and whether what other packages' return will do.
+"""Finds external readers of recorded traffic, and checks what they return.
 
 A reader is a function. With one parameter, ``read(path)``, it takes the road from the file; with two,
 ``read(path, net)``, the traffic drove on a network, whose name it is given. It returns ``ReadTraffic``.

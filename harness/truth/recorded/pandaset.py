@@ -1,4 +1,4 @@
-"""PandaSet's cuboids of one sequence as a CSV, by PandaSet's own names of the columns, a ``timestamp`` before them.
+"""PandaSet's cuboids of one sequence as CSV, with PandaSet's column names and a ``timestamp`` before them.
 
 Its boxes' ``yaw`` is the direction of their x axis, along the width; the front is a quarter turn to the left of it.
 An excerpt comes with the project, see ``examples/NOTICE``.

@@ -1,4 +1,4 @@
-"""Vehicles' ways in the plane, with lanes known by their middle lines or not at all, as traffic that was read."""
+"""Trajectories in the plane as recorded traffic, with lanes given by centre lines or without lanes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Refuses what cannot be one recording in one system of units."""
+"""Refuses rows that cannot be one recording in one system of units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Brings each stay of a vehicle onto the common clock of 0.1 s."""
+"""Resamples each vehicle's trajectory to the common clock of 0.1 s."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every reader hands over: recorded positions in the road frame, row by row, as the file has them.
+"""The rows that every reader returns: recorded positions in the road frame, as in the file.
 
 Where the road frame is the plane, headings count from the x axis, and speeds are along and across the own heading.
 """

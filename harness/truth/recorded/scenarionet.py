@@ -1,4 +1,4 @@
-"""ScenarioNet's scenes (Li et al. 2023): a pickle of vehicles' ways and lanes, as made of nuScenes, Waymo and others.
+"""ScenarioNet's scenes (Li et al. 2023): a pickle of trajectories and lanes from nuScenes, Waymo and others.
 
 A pickle may call whatever it names; here it may only make numbers, texts, plain containers and NumPy's arrays.
 """

@@ -1,4 +1,4 @@
-"""The truth source: recorded traffic, seen from one or several of its vehicles."""
+"""The truth source of recorded traffic, seen from one or several of its vehicles."""
 
 from __future__ import annotations
 

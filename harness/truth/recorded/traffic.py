@@ -1,4 +1,4 @@
-"""Recorded traffic ready to be driven through: all vehicles on one clock, step by step, in the road frame."""
+"""Recorded traffic on one clock, in the road frame, step by step."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Traffic that SUMO drives."""
+"""Traffic that SUMO simulates."""

@@ -1,4 +1,4 @@
-"""Traffic on a network from elsewhere, which SUMO drives in a process that can't write, hang or crash anything here."""
+"""Runs SUMO on an external network in a child process that cannot write, hang or crash this one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vehicles that have broken down: they stand in a main lane from before the first frame on, and traffic passes them."""
+"""Broken-down vehicles: each stands in a main lane from before the first frame, and traffic passes it."""
 
 from __future__ import annotations
 

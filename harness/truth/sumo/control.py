@@ -1,4 +1,4 @@
-"""Holds the traffic at its demand while it runs: vehicles enter upstream, and a slower exit holds them back.
+"""Keeps the traffic at its demand: vehicles enter upstream, and a slower exit limits the outflow.
 
 The number of vehicles in the section is steered by what leaves it, because that acts at once, whereas a vehicle that
 enters upstream reaches the section only later. In free flow nothing can be held back; then the inflow is steered.

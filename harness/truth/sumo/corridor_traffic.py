@@ -1,4 +1,4 @@
-"""Traffic along one main road: how it is warmed up, smoothed, and seen from an ego on its section.
+"""Traffic along one main road: warm-up, smoothing, and the view from an ego on its section.
 
 All of a vehicle's quantities are averaged with the same weights. The average is linear, so positions remain the
 integral of the speeds, speeds that of the accelerations, and a gap in one lane that was positive stays so.

@@ -1,4 +1,4 @@
-"""The vehicles that stand on the main road when the simulation starts: near equilibrium, with waves if it is dense."""
+"""The vehicles on the main road when the simulation starts: near equilibrium, with waves if it is dense."""
 
 from __future__ import annotations
 

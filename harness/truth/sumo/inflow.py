@@ -1,4 +1,4 @@
-"""Holds a density on a network in the plane, by how many vehicles its flows let in.
+"""Keeps a density on a network in the plane by controlling its inflows.
 
 The network's own flows say in which shares vehicles take which routes; SUMO's scale says how many do. Below the
 density the flows let in more than leave, above it none, so that the number of vehicles on all lanes stays what was

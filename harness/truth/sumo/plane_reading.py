@@ -1,4 +1,4 @@
-"""Reads SUMO's vehicles in the plane: where their fronts are, where they point, and the lanes that they came along.
+"""Reads SUMO's vehicles in the plane: front positions, headings and lanes.
 
 SUMO moves front bumpers along lanes, and its angles jump where lanes meet. So a vehicle's heading follows from its
 front's way: the front pulls a rear axle that rolls without slipping, as in the bicycle model.

@@ -1,4 +1,4 @@
-"""Traffic in the plane, on whatever edge: how it is warmed up, smoothed, and seen from an ego among it.
+"""Traffic in the plane on any edge: warm-up, smoothing, and the view from an ego among it.
 
 Positions are averaged over half a second to either side, and speeds are their change.
 """

@@ -1,4 +1,4 @@
-"""Vehicles and drivers: kinds, sizes and driving styles, drawn one by one."""
+"""Vehicles and drivers: classes, sizes and driving styles, drawn for each vehicle."""
 
 from __future__ import annotations
 

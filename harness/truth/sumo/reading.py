@@ -1,4 +1,4 @@
-"""Reads SUMO's vehicles into frames: centres in the road frame instead of front bumpers in SUMO's plane."""
+"""Converts SUMO's vehicles into frames: centres in the road frame instead of front bumpers in SUMO's plane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one simulation that a run drives, in this process or in a window: start, stop, and errors in our words."""
+"""The one simulation of a run, in this process or in a window: start, stop and error messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Truth from SUMO, in this process through libsumo, or in a window beside it."""
+"""Truth from SUMO, in this process through libsumo, or with its own window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Smooths SUMO's motion: its drivers brake and stop drifting from one step to the next, real ones take time.
+"""Smooths SUMO's motion, because SUMO's drivers change acceleration and lateral drift within one step.
 
 ``hann_weights`` average over half a second to either side, ``CausalFilter`` knows the past alone.
 """

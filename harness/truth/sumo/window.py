@@ -1,4 +1,4 @@
-"""SUMO in a window of its own: sumo-gui as a second process, steered through TraCI as libsumo is in this one."""
+"""SUMO with its own window: sumo-gui as a second process, controlled through TraCI."""
 
 from __future__ import annotations
 

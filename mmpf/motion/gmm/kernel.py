@@ -1,4 +1,4 @@
-"""Compiled loops of the conditional Gaussian mixture: expanding inputs, picking components, drawing outputs.
+"""Compiled loops of the conditional Gaussian mixture: expand inputs, select components, draw outputs.
 
 Rows are worked on in blocks that stay in the processor's cache, and within a block all rows side by side, so that the
 compiler turns every loop into vector instructions.

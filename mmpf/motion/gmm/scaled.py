@@ -1,4 +1,4 @@
-"""A conditional Gaussian mixture in the units of its data, that never leaves the range of its training inputs."""
+"""A conditional Gaussian mixture in its data's units that stays within the range of its training inputs."""
 
 from __future__ import annotations
 

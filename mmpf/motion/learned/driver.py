@@ -1,4 +1,4 @@
-"""The learned driver: follows its leader by a Gaussian mixture, keeps habits of its own, and changes lanes at times.
+"""The learned driver: car following by a fitted model, latent driver parameters, and lane changes.
 
 Beside the paper's short-term model, this one is taught to recover from its own mistakes (``harness.lab.fit.recovery``),
 puts out the acceleration alone, and gives each particle a driver: constants drawn once, from what the data says of a

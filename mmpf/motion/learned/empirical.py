@@ -1,4 +1,4 @@
-"""A follower that draws from what drivers did in the same situation: no model, a table.
+"""A follower that draws accelerations from recorded drivers in the same situation.
 
 As in the data-driven car-following models that resample recorded accelerations: the situation falls into a cell by gap,
 speed, closing speed and acceleration, and the change of acceleration until the next step is drawn from the quantiles of

@@ -1,4 +1,4 @@
-"""What the learned driver sees: the inputs of its mixtures, alike in training and in use."""
+"""The inputs of the learned driver's mixtures, the same in training and in use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a learned driver follows its leader: the role, and the Gaussian mixture of ``gmm``."""
+"""The protocol of car following in the learned driver, and the Gaussian mixture ``gmm``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled loops of the learned driver: one pass over all particles each, so that no array is walked twice."""
+"""Compiled loops of the learned driver, one pass over all particles each."""
 
 from __future__ import annotations
 

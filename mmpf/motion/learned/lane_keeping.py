@@ -1,4 +1,4 @@
-"""Lateral motion of a driver: holding a place in the lane, and crossing to the next lane when it means to."""
+"""Lateral motion of a driver: keeping a position in the lane, and changing to the next lane."""
 
 from __future__ import annotations
 

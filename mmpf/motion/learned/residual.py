@@ -1,4 +1,4 @@
-"""A follower that is IDM and what a small network adds to it, with noise that goes on for seconds.
+"""A follower: IDM plus a small network's correction and autocorrelated noise.
 
 The network sees the situation, the headway that the driver had when it was drawn, and normal numbers of which one stays
 for good and the others change over seconds: different drivers, and what no situation explains. It was fitted to the

@@ -1,4 +1,4 @@
-"""Clusters: tracks whose hypotheses depend on each other, apart from all others.
+"""Clusters of tracks whose hypotheses depend on each other.
 
 A cluster's global hypotheses say which single hypotheses of its tracks hold together. Tracks that can't have the same
 detection are in different clusters, so that their ambiguities add up and do not multiply (Reid 1979; Fontana,

@@ -1,4 +1,4 @@
-"""The PMBM filter as a tracker: what it believes of the sensor, of newcomers and of shadows, and what it reports.
+"""The PMBM filter as a tracker: sensor model, births, occlusion and reports.
 
 Vehicles that were never detected are spread evenly over what the sensor covers, at a density that is in balance between
 newcomers and detections. With ``shadow_aware`` the detection probability of each single hypothesis is that where it may

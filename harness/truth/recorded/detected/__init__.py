@@ -1,1 +1,1 @@
-"""Recordings that bring a real detector's boxes beside labels that go on where the detector is blind."""
+"""Recordings with a real detector's boxes and labels that continue through occlusion."""

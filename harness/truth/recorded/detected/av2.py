@@ -1,4 +1,4 @@
-"""Argoverse 2 sensor logs: cuboids that go on where no laser point fell on them, poses and lanes; no detector.
+"""Argoverse 2 sensor logs: cuboids that continue without laser points, poses and lanes; no detector.
 
 A folder holds folders of logs, each with ``annotations.feather`` (or ``annotations_with_ego.feather``) and
 ``city_SE3_egovehicle.feather``, and with ``map/log_map_archive_*.json`` where the lanes are to be known. Detections are

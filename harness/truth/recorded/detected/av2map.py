@@ -1,4 +1,4 @@
-"""Argoverse 2's maps: a log's lane segments, of those that vehicles drive on, as lanelets."""
+"""Argoverse 2 maps: the drivable lane segments of a log as lanelets."""
 
 from __future__ import annotations
 

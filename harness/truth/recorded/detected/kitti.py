@@ -1,4 +1,4 @@
-"""KITTI tracking: labels that go on through occlusion, a detector's boxes, and the camera's way.
+"""KITTI tracking: labels that continue through occlusion, a detector's boxes, and the camera's poses.
 
 A folder has for each sequence ``label_02/NNNN.txt`` (KITTI's labels), ``detection/NNNN.txt`` (boxes in the layout of
 AB3DMOT's repository) and ``poses/NNNN.txt`` (camera to first camera, twelve numbers a frame). All are in the frame of

@@ -1,4 +1,4 @@
-"""One plane for all drives of a run: those with maps lie beside each other, farther apart than any sensor sees."""
+"""Places all drives of a run in one plane, farther apart than any sensor's range."""
 
 from __future__ import annotations
 

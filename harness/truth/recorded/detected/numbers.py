@@ -1,4 +1,4 @@
-"""Text files of numbers from elsewhere, read within limits."""
+"""Reads external text files of numbers within limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which labelled thing each detection is of: the nearest, one to one, within two metres."""
+"""Assigns each detection to the nearest labelled object within two metres, one to one."""
 
 from __future__ import annotations
 

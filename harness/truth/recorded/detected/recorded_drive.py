@@ -1,4 +1,4 @@
-"""A drive on record: what people labelled, what a real detector found, and where the recording car was."""
+"""A recorded drive: labels, a real detector's boxes, and the poses of the recording car."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The truth source: drives with labels, one after the other, each seen from its own car."""
+"""The truth source of labelled drives, one after the other, each from its own recording car."""
 
 from __future__ import annotations
 
