@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """A finished run; its tables are read from its folder when they are asked for.
+    """A finished run; its tables are read from its folder on first use.
 
     Attributes:
         folder: Where its files lie.
@@ -115,7 +115,7 @@ class Run:
 
     @cached_property
     def diagnostics(self) -> pd.DataFrame:
-        """One row per step: what goes on inside the tracker, where it tells."""
+        """One row per step: the tracker's internal diagnostics, if it reports any."""
         return self._table("diagnostics.parquet")
 
     @cached_property
@@ -251,7 +251,7 @@ def compare(
     primary: Sequence[str] | None = None,
     allow_different: bool = False,
 ) -> Comparison:
-    """Tell whether b is worse than a, no worse, or whether that stays undecided.
+    """Decide whether b is worse than a, no worse, or whether that stays undecided.
 
     Args:
         a: A run, a stress test, or the folder of one; one tracker of a stress test as ``FOLDER@LABEL``.

@@ -76,7 +76,7 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> Measured:
 
 
 def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0) -> str:
-    """Return what b lacks of a's values, in words; empty where it is little, or where a has none either.
+    """Return a sentence on the values that a has and b lacks; empty where few are missing or a has none.
 
     Args:
         a: Which values of the first arm are there, shape (n,).

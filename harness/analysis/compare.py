@@ -200,7 +200,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
 
 
 def _differing(a: Source, b: Source, allow_different: bool) -> tuple[str, ...]:
-    """Return what differs between two experiments, in words, beside which runs they hold.
+    """Return sentences on the differences between two experiments, apart from which runs they hold.
 
     Raises:
         InputError: The world differs, or how it is scored, and that is not allowed.
@@ -280,7 +280,7 @@ def _with_values(verdicts: Iterable[Verdict]) -> tuple[Verdict, ...]:
 
 
 def _is_told(quantity: Quantity, rules: Rules, matched: tuple[pd.DataFrame, pd.DataFrame]) -> bool:
-    """Return whether a metric is told of: judged or there, but not unasked where a side is older than it."""
+    """Return whether a metric is shown: it is judged or present, and not new to an older side."""
     there = [quantity.key in rows for rows in matched]
     if _is_younger(quantity, rules) and not all(there):
         return False
@@ -331,7 +331,7 @@ def _time_notes(a: Source, b: Source) -> list[str]:
 
 
 def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
-    """Warn where the errors of hidden vehicles are over those that a tracker did not let go of."""
+    """Warn where the errors of hidden vehicles cover only those that a tracker kept."""
 
     def labels(metrics: tuple[str, ...], ends: tuple[bool, bool]) -> set[str]:
         return {

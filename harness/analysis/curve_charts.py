@@ -29,7 +29,7 @@ Where = tuple[str, str, float | str]
 
 
 def grid_charts(table: pd.DataFrame, axes: Sequence[str], cells: Sequence[int | None]) -> dict[str, Charts]:
-    """Return the charts over each axis, by its name in words.
+    """Return the charts over each axis by the axis's label.
 
     Args:
         table: The rows of ``runs.parquet``.

@@ -53,7 +53,7 @@ def settings_of(nested: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """Return what differs between two experiments, in words: of the world and its scoring, and of the trackers.
+    """Return sentences on the differences between two experiments: in world and scoring, and in trackers.
 
     Args:
         a: Settings of the first.
@@ -70,7 +70,7 @@ def differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> tuple[list[str], li
 
 
 def differing_code(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[str]:
-    """Return which code and input files differ between two manifests, in words; what one does not tell is none."""
+    """Return sentences on code and input files that differ between two manifests; missing entries are ignored."""
     told: list[str] = []
     for table, name in ((CODE, "the code of"), (INPUTS, "the file")):
         first, second = (dict(side.get(table) or {}) for side in (a, b))

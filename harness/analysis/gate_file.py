@@ -25,7 +25,7 @@ class MetricGate(BaseModel):
 
 
 class Gate(BaseModel):
-    """What the whole gate asks for; without metrics the usual ones are judged."""
+    """The requirements of a gate; without metrics the default ones are judged."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -51,7 +51,7 @@ class Gate(BaseModel):
 
 
 def read_gate(path: Path | None) -> Gate:
-    """Return what a file asks for; without one, what is usual.
+    """Return the requirements in a file, or the defaults without a file.
 
     Raises:
         InputError: It can't be read, or asks for something that there is not.

@@ -66,7 +66,7 @@ class Cost:
 
     @property
     def name(self) -> str:
-        """The tracker and its model in words."""
+        """The tracker's label with its model."""
         return " ".join(word for word in (self.variant, self.model) if word)
 
 

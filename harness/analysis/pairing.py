@@ -88,7 +88,7 @@ def _lacking(side: str, other: str, runs: pd.DataFrame, places: list[int], setti
 
 
 def _spans(seeds: list[int]) -> str:
-    """Return seeds in words: those that follow each other as first to last."""
+    """Return seeds as text, with consecutive ones as first to last."""
     spans: list[list[int]] = []
     for seed in sorted(seeds):
         if spans and seed == spans[-1][1] + 1:

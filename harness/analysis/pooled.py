@@ -137,7 +137,7 @@ class FileCount:
 
 @dataclass(frozen=True)
 class Pooled:
-    """Everything that a grid over recorded traffic tells.
+    """All results of a grid over recorded traffic.
 
     Attributes:
         files: The files.

@@ -50,7 +50,7 @@ BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
 
 @dataclass(frozen=True)
 class SingleRuns:
-    """What two single runs on the same traffic tell.
+    """The results of two single runs on the same traffic.
 
     Attributes:
         measured: The differences.
@@ -101,7 +101,7 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
 
 
 def notes_of(a: Source, b: Source) -> list[str]:
-    """Return what has to be known of such a comparison."""
+    """Return the notes that a reader of such a comparison needs."""
     notes = [
         "One seed: vehicles are paired, so this does not generalise to other traffic. Vehicles that drive within 100 m "
         "of "

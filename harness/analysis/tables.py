@@ -51,7 +51,7 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
 
 
 def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kinds: tuple[str, str] | None) -> list[str]:
-    """Return a table with a row for each tracker and place, and for each kind of which there is anything to tell."""
+    """Return a table with a row for each tracker and place, and for each kind that has values."""
     start = ["tracker", NAMES.get(axis, axis)]
     if kinds is None:
         labels = [column.label for column in columns]
@@ -107,7 +107,7 @@ DEFINITION = (
 
 
 def break_sentence(entry: Break) -> str:
-    """Return in words where a tracker breaks."""
+    """Return a sentence on where a tracker breaks."""
     if entry.held_to is None:
         return f"{entry.label}: too few occlusions to find its limit"
     if entry.density is None:

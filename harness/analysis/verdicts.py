@@ -69,7 +69,7 @@ class Limit:
             _check_within("tolerance", self.tolerance, MOST_TIME_TOLERANCE)
 
     def breach(self, value: float, quantity: Quantity) -> str:
-        """Return in words how a value breaks the bounds; empty where it does not."""
+        """Return a sentence on how a value breaks the bounds; empty where it does not."""
         decimals = quantity.decimals + 1
         if self.floor is not None and value < self.floor:
             return f"{value:.{decimals}f} is below the floor of {self.floor:g}"
@@ -148,7 +148,7 @@ def quantity_of(metric: str) -> Quantity:
 
 
 def name_of(metric: str) -> str:
-    """Return a compared metric's name in words, without its unit."""
+    """Return a compared metric's label without its unit."""
     label = quantity_of(metric).label
     return label.rpartition(",")[0] or label
 

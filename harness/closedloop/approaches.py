@@ -54,7 +54,7 @@ def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: Sen
 
 
 def _comes_up_first(course: EgoPath, stop_m: float, now: Frame) -> bool:
-    """Return whether the ego is soon at a stop line and can still stop there, and nobody is before it on its way."""
+    """Return whether the ego reaches a stop line soon, can still stop there, and has no vehicle before it."""
     if course.window((stop_m, stop_m))[0] > SOON_S or room_before(course, (stop_m,)) is None:
         return False
     _, along_m, _ = on_way(course.way, true_bodies(now))
@@ -62,7 +62,7 @@ def _comes_up_first(course: EgoPath, stop_m: float, now: Frame) -> bool:
 
 
 def _meeting(course: EgoPath, conflict: Conflict, now: Frame) -> list[str]:
-    """Return who would be at a place of conflict when the ego would, if it goes on as fast as now."""
+    """Return which vehicles would be at a conflict point at the same time as the ego at its present speed."""
     bodies, names = true_bodies(now), np.delete(now.vehicle_id, now.ego)
     on, along_m, speed_mps = on_way(conflict.way, bodies)
     windows = windows_of(conflict.other_m, along_m, speed_mps, bodies.length_m[on], speed_mps)

@@ -75,7 +75,7 @@ class TrackedPerception:
         )
 
     def _directions(self, look: Look, tracks: Tracks, reported: IntArray) -> FloatArray:
-        """Return where each went in the last half second, in the plane; nan where it hardly moved, shape (k,)."""
+        """Return each track's direction of motion over the last half second; nan where it hardly moved, shape (k,)."""
         if look.frame.direction_rad is None:
             return np.zeros(len(reported))
         now_s, places = look.frame.time_s, {}

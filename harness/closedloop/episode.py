@@ -231,7 +231,7 @@ class _Loop:
         )
 
     def _is_withheld(self, look: Look, leader: int, told: Bodies) -> bool:
-        """Return whether the tracker withholds the vehicle right ahead, a body by the truth, -1 for nobody."""
+        """Return whether the tracker fails to report the vehicle directly ahead, a true body; -1 for none."""
         if leader < 0 or self.planned.variant in WITHOUT_TRACKER:
             return False
         others = np.flatnonzero(np.arange(len(look.frame)) != look.frame.ego)
@@ -240,7 +240,7 @@ class _Loop:
     def _pass(
         self, frame: Frame, told: Bodies, real: Bodies, ego: Egos, unseen: Unseen | None
     ) -> tuple[WithStops, WithStops]:
-        """Return how the ego minds its way to where it must yield, by what it believes and by the truth."""
+        """Return how the ego approaches the place where it must yield, by its belief and by the truth."""
         passage = self.passage
         if passage is None:
             flow_mps = self.planned.flow_mps
@@ -280,7 +280,7 @@ def _as_is(belief: Belief) -> Belief:
 
 
 def _limited(belief: Belief, flow_mps: float) -> Belief:
-    """Return the belief of a driver who keeps to the speed at which the traffic flows."""
+    """Return the belief of a driver who drives at most as fast as the traffic."""
     return replace(belief, speed_limit_mps=np.full(len(belief), flow_mps))
 
 

@@ -154,7 +154,7 @@ def _find(
 
 @dataclass(frozen=True)
 class _Concerned:
-    """Whom a provocation of a car would concern; see ``EpisodeStart``."""
+    """Finds the vehicle that a provocation would act on; see ``EpisodeStart``."""
 
     provoked: str = ""
     seen_before: bool | None = None
@@ -164,7 +164,7 @@ class _Concerned:
 def _standing(
     traffic: Traffic, settings: SensorSettings, rows: IntArray, rng: np.random.Generator, flow_mps: float | None
 ) -> Callable[[int], _Concerned]:
-    """Return what tells of each of some cars where a vehicle would stand in its way."""
+    """Return a function that gives, for each of some cars, where a vehicle would stand in its way."""
     vehicle = drawn_car(traffic.network, rng)
 
     def concerned(place: int) -> _Concerned:
@@ -177,7 +177,7 @@ def _standing(
 def _concerned(
     traffic: Traffic, kind: str, settings: SensorSettings, rows: IntArray, ways: Mapping[int, Way]
 ) -> Callable[[int], _Concerned]:
-    """Return what tells of each of some cars whom a provocation of it would concern."""
+    """Return a function that gives, for each of some cars, the vehicle that a provocation would act on."""
     now, road = traffic.frames[-1], traffic.network.road
     if kind == BRAKE and traffic.network.plane is None:
         belief = believed_by_each(now, rows, road)
@@ -199,7 +199,7 @@ def _concerned(
 
 
 def _eligible(traffic: Traffic) -> IntArray:
-    """Return the rows of the present frame that may be the ego: cars with a past that keep to a main lane."""
+    """Return the rows of the present frame that can be the ego: cars with a history that stay in a main lane."""
     now, network, sumo = traffic.frames[-1], traffic.network, traffic.running.sumo
     start_m, end_m = network.section_m
     room_m = DRIVEN_S * np.minimum(now.speed_mps, ROOM_AT_MPS)

@@ -113,7 +113,7 @@ class SeldomDetected:
     settings: SensorSettings
 
     def model(self, road: Road | None = None) -> SensorModel:
-        """Return the data sheet, which does not tell; see ``Sensor``."""
+        """Return the data sheet, which does not state it; see ``Sensor``."""
         return self.sensor.model(road)
 
     def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:

@@ -12,7 +12,7 @@ DRIVES = "The drives"
 
 
 class DriveOptions(TypedDict, total=False):
-    """What a closed loop can be asked for."""
+    """The options of a closed loop."""
 
     net: shared.Net
     density: shared.Density

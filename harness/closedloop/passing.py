@@ -49,7 +49,7 @@ class Passage:
         return cls(way, crossings_of(graph, way), step_s, heed)
 
     def room_m(self, course: EgoPath, bodies: Bodies, unseen: Unseen | None = None) -> float | None:
-        """Return how far ahead the ego is to hold by what it takes for real; None where it may go.
+        """Return how far ahead the ego must stop, by its belief; None where it may go.
 
         For a vehicle that it knows of it holds at the stop line, or past that before the place of conflict. For one
         that nobody has seen it goes up to there, since it sees more from there.
@@ -93,7 +93,7 @@ class Passage:
             self._waited += course.speed_mps < WAITS_MPS
 
     def crossed(self, provoked: str, contact: Contact | None) -> Crossed:
-        """Return what came of the first crossing.
+        """Return the outcome of the first crossing.
 
         Args:
             provoked: The vehicle that the episode provokes; empty for none.

@@ -77,7 +77,7 @@ class DriveRequest:
     detected: float | None = None
 
     def as_table(self) -> dict[str, Any]:
-        """Return it as plain values, with the axes by which ``compare`` tells its rows apart."""
+        """Return it as plain values, with the axes by which ``compare`` distinguishes its rows."""
         table = asdict(self)
         for name in ("flow", "detected"):
             if table[name] is None:
@@ -114,7 +114,7 @@ class PlannedDrive(PlannedRun):
         return f"{readable}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
 
     def identity(self) -> dict[str, Any]:
-        """Return the columns that tell this drive from the others; ``variant`` alone names the belief."""
+        """Return the columns that identify this drive; ``variant`` alone names the belief."""
         tracker = None if self.variant in WITHOUT_TRACKER else self.config.tracker.name
         own = {"tracker": tracker, "model": None, "update": None, KIND: self.kind}
         return super().identity() | own
@@ -176,7 +176,7 @@ def _flowing(request: DriveRequest, configs: Mapping[str, RunConfig]) -> dict[st
 
 
 def request_of(values: Mapping[str, Any]) -> DriveRequest:
-    """Return what checked options ask for."""
+    """Return the request that checked options describe."""
     return with_truth(
         DriveRequest(
             beliefs=values["perception"],

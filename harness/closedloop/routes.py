@@ -17,7 +17,7 @@ FARTHEST_M = 1000.0
 
 @dataclass(frozen=True)
 class Way:
-    """Lanes one after the other, from the ego's own on.
+    """Consecutive lanes from the ego's own lane on.
 
     Attributes:
         lanes: Their indices.

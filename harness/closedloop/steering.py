@@ -21,7 +21,7 @@ KEEPS_LANE_M, BETWEEN_WITHIN_M = 1.8, 250.0
 
 
 class Steering:
-    """Drives the ego of an episode, and whom it provokes."""
+    """Controls the ego of an episode and the vehicle that is provoked."""
 
     def __init__(self, sumo: Sumo, at: EpisodeStart) -> None:
         """Take hold of a simulation as it stands at the start of the episode."""
@@ -47,7 +47,7 @@ class Steering:
             self._brake(step_s)
 
     def _keep_between_clear(self) -> None:
-        """Let nobody come between the ego and the vehicle that stands ahead: those beside keep their lanes."""
+        """Keep other vehicles from changing lanes between the ego and the vehicle that stands ahead."""
         now = self._at.frames[-1]
         beside = np.abs(now.lat_m - now.lat_m[now.ego]) > KEEPS_LANE_M
         near = np.abs(now.lon_m - now.lon_m[now.ego]) < BETWEEN_WITHIN_M
@@ -55,7 +55,7 @@ class Steering:
             self._sumo.vehicle.setLaneChangeMode(name, NO_CHECKS)
 
     def _brake(self, step_s: float) -> None:
-        """Brake the provoked vehicle until it stands, and let it go on after a while."""
+        """Brake the provoked vehicle until it stands, and release it after a while."""
         vehicle, name = self._sumo.vehicle, self._at.provoked
         if self._stands_s > STANDS_S:
             return

@@ -198,7 +198,7 @@ def _heading(name: str, part: Sequence[Score]) -> str:
 
 
 def _answers(found: Sequence[Score]) -> list[str]:
-    """Return a line for each belief: in how many episodes it collides, and how often it brakes hard."""
+    """Return a line for each belief: its number of collisions, and how often it brakes hard."""
     lines = []
     for belief in dict.fromkeys(score.belief for score in found):
         own = {score.metric: score for score in found if (score.belief, score.episodes) == (belief, ALL)}

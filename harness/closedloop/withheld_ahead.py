@@ -31,7 +31,7 @@ class PlainSight:
         self._since_s = {name: self._since_s.get(name, look.frame.time_s) for name in seen}
 
     def withholds(self, look: Look, row: int, told: Bodies) -> bool:
-        """Return whether a vehicle is in plain view for long enough and none of the bodies told is within the gate.
+        """Return whether a vehicle is in plain view for long enough and no reported body is within the gate.
 
         Args:
             look: The look that was noted last.

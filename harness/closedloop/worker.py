@@ -48,7 +48,7 @@ CHOICES = 9
 
 
 def work_on_cell(cell: Cell, report: Report) -> None:
-    """Drive all episodes of a seed by all beliefs, on a network from elsewhere in a fork of few rights.
+    """Drive all episodes of a seed by all beliefs; for an external network in a fork with few rights.
 
     Args:
         cell: The drives.
@@ -145,7 +145,7 @@ def main() -> None:
 
 
 def _answer(work: Callable[[], object], reading: int, writing: int) -> None:
-    """Do the work of a fork and end it, whatever comes."""
+    """Do the work of a fork and end the process, whatever happens."""
     code = 1
     try:
         os.close(reading)

@@ -142,7 +142,7 @@ def _completed(arguments: Sequence[str], called: str | None) -> list[str]:
 
 
 def _told(error: BaseException) -> tuple[str, int]:
-    """Return the line and the exit code that an error becomes."""
+    """Return the line and the exit code for an error."""
     if isinstance(error, InputError | RunError) and error.__cause__ is not None and os.environ.get(TRACEBACK):
         # What the user's own code raised.
         traceback.print_exception(error.__cause__)
@@ -182,13 +182,13 @@ def _refuse_pipes(arguments: Sequence[str]) -> None:
 
 
 def _of_the_system(error: OSError) -> str:
-    """Return in words what the operating system refused: a full disk, a name that is too long, a folder's rights."""
+    """Return a sentence on what the operating system refused: a full disk, a long name, missing permissions."""
     file = f"{str(error.filename)[:200]}: " if error.filename else ""
     return f"{file}{error.strerror or error}; choose another file or folder, or make room"
 
 
 def _of_the_program(error: BaseException) -> str:
-    """Return in words where the program itself is at fault."""
+    """Return a sentence on where the program itself is at fault."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "/harness/" in frame.filename]
     place = f" in {Path(frames[-1].filename).name}, line {frames[-1].lineno}" if frames else ""
     return (

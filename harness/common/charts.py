@@ -109,7 +109,7 @@ def curves(
     limit: tuple[float, str] | None = None,
     marks: Sequence[tuple[float, str]] = (),
 ) -> Chart:
-    """Return a chart of one line for each series with the band of its interval; of places in words, points instead.
+    """Return a chart of one line for each series with the band of its interval; points where the axis is categorical.
 
     Args:
         title: What is shown, with its unit; what ends in % has an axis to 100.
@@ -210,13 +210,13 @@ def colour_by(field_name: str, lines: Sequence[tuple[str, str]]) -> Spec:
 
 
 def strength(field_name: str, strong: float = 1.0) -> Spec:
-    """Return the opacity of a line's marks: faint while another one alone is asked for."""
+    """Return the opacity of a line's marks: faint while another line is selected."""
     chosen = f"!{ONLY} || datum['{field_name}'] == {ONLY}"
     return {"condition": {"test": chosen, "value": strong}, "value": FAINT * strong}
 
 
 def tooltip_of(*columns: tuple[str, str]) -> list[Spec]:
-    """Return the tooltip of a row that is pointed at: fields with their names in words."""
+    """Return the tooltip of a row: fields with their labels."""
     return [{"field": name, "type": "nominal", "title": title} for name, title in columns]
 
 

@@ -55,7 +55,7 @@ def first_problem(error: ValidationError) -> Problem:
 
 
 def what_it_raised(error: BaseException) -> str:
-    """Return an error of somebody's code on one line: what it is, and the file and line that raised it."""
+    """Return an exception of external code on one line: its text, and the file and line that raised it."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f", {Path(frames[-1].filename).name} line {frames[-1].lineno}" if frames else ""
     return " ".join(f"{type(error).__name__}: {error}{place}".split())

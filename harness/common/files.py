@@ -18,7 +18,7 @@ _TEMPORARY_NAME = re.compile(rf"\..+\.[0-9]+{re.escape(TEMPORARY)}")
 
 @contextmanager
 def replacing(final: Path) -> Iterator[Path]:
-    """Yield a name in a file's folder to write to; it becomes the file when the block ends well, else it goes.
+    """Yield a temporary path in a file's folder; it replaces the file if the block succeeds, and is deleted otherwise.
 
     What is there but is no file, such as ``/dev/stdout``, is yielded itself; a link is followed.
     """

@@ -265,7 +265,7 @@ def _renew_cpu(limits: Limits) -> None:
 
 
 def _next(reading: int, patience_s: float) -> tuple[str, Any]:
-    """Return the next that a fork tells.
+    """Return the next message of a fork.
 
     Raises:
         TimeoutError: Nothing comes for so long.

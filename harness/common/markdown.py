@@ -27,7 +27,7 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> li
 
 
 def show_markdown(text: str, on_stderr: bool = False) -> None:
-    """Print a Markdown text: laid out on stderr and on a terminal, as it is where a program or a file reads stdout."""
+    """Print a Markdown text: formatted on stderr and on a terminal, raw where a program or a file reads stdout."""
     stream = sys.stderr if on_stderr else sys.stdout
     if not on_stderr and not stream.isatty():
         stream.write(text + "\n")

@@ -22,7 +22,7 @@ class Catalogue(Protocol[T_co]):
         """Return the entry of a name."""
 
     def problem(self, name: str) -> str:
-        """Return in words why a name has no entry to be had, empty if it has."""
+        """Return a sentence on why a name has no usable entry; empty if it has one."""
 
 
 def named(registry: Catalogue[T], option: str, name: str) -> T:

@@ -39,6 +39,6 @@ def progress_bar(title: str, total: int, quiet: bool, before: str = "") -> Itera
 
 @contextmanager
 def working(what: str, quiet: bool) -> Iterator[None]:
-    """Show in a line that something goes on while the block runs; nothing where stderr is no terminal."""
+    """Show a line while the block runs; nothing where stderr is no terminal."""
     with nullcontext() if quiet else Console(stderr=True).status(what):
         yield

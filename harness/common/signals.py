@@ -48,7 +48,7 @@ def ends_like_ctrl_c() -> Iterator[None]:
 
 
 def told_to_end() -> bool:
-    """Return whether a signal came: libraries that it stops may make another error of it, or lose it."""
+    """Return whether a signal has arrived: libraries that it interrupts may raise another error or hide it."""
     return bool(_received)
 
 

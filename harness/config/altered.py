@@ -27,7 +27,7 @@ COUNTS = ("clutter_per_scan", "persistent_clutter", "mirrored_clutter", "posts_p
 
 
 class AlteredSettings(WithoutTruthValues):
-    """A harder or easier world, made of the sensor's own detections; the data sheet stays as it is."""
+    """A harder or easier world, made from the sensor's own detections; the data sheet is unchanged."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 

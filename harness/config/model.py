@@ -104,7 +104,7 @@ class SensorConfig(_Strict):
 
 
 class BeliefsConfig(_Strict):
-    """What trackers are told of sensor and road; where nothing is set, the fair data sheet and the map."""
+    """What trackers are given about sensor and road; by default the correct data sheet and map."""
 
     detection_probability: Annotated[float, Field(ge=1e-3, le=1.0)] | None = None
     """Probability of detecting a vehicle in plain view."""
@@ -177,7 +177,7 @@ class TrackerConfig(_Strict):
         return self
 
     def in_words(self) -> str:
-        """Return the tracker with its motion model and rule in words."""
+        """Return the tracker's label with its motion model and update rule."""
         model = f" with the motion model {self.model}" if self.model else ""
         rule = " and the paper's update rule" if self.update == "max_likelihood" else ""
         return f"{self.name}{model}{rule}"
@@ -254,7 +254,7 @@ class RunConfig(_Strict):
         return f"{tracker.in_words()}: {where}"
 
     def default_folder_name(self) -> str:
-        """Return a name for the run's folder that tells its main settings."""
+        """Return a name for the run's folder that contains its main settings."""
         traffic = self.traffic
         demand = f"d{traffic.density:g}" if traffic.density is not None else traffic.demand
         network = traffic.net.rstrip("/").rsplit("/", 1)[-1].removesuffix(".sumocfg")

@@ -34,7 +34,7 @@ class Others:
 
     @property
     def exists(self) -> BoolArray:
-        """Whether there is somebody."""
+        """Whether there is a vehicle."""
         return np.asarray(np.isfinite(self.gap_m))
 
 
@@ -55,7 +55,7 @@ class Beside:
 
 @dataclass(frozen=True)
 class Belief:
-    """What a driver takes for real at each of n steps.
+    """What a driver believes at each of n steps.
 
     Attributes:
         speed_mps: The ego's speed, shape (n,).
@@ -84,7 +84,7 @@ class Belief:
         return Others(self.leaders.gap_m[:, 0], self.leaders.speed_mps[:, 0], self.leaders.body[:, 0])
 
     def without(self, place: int) -> Belief:
-        """Return the belief in which nobody is at one place ahead; those beyond stay where they are."""
+        """Return the belief without the vehicle at one place ahead; those beyond stay where they are."""
         gap_m, body = self.leaders.gap_m.copy(), self.leaders.body.copy()
         gap_m[:, place], body[:, place] = np.inf, NOBODY
         return replace(self, leaders=replace(self.leaders, gap_m=gap_m, body=body))

@@ -9,7 +9,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 
 @dataclass(frozen=True)
 class Bodies:
-    """Vehicles but the ego at all steps, struct of arrays of shape (m,), in the road frame.
+    """Vehicles other than the ego at all steps, struct of arrays of shape (m,), in the road frame.
 
     Attributes:
         step: Index of the step among those of the egos.

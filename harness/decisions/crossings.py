@@ -22,7 +22,7 @@ SAME_END_M = 1.0
 
 @dataclass(frozen=True)
 class Lanes:
-    """Lanes one after the other as one line.
+    """Consecutive lanes as one line.
 
     Attributes:
         lanes: Their indices.
@@ -90,12 +90,12 @@ class Crossing:
 
     @property
     def begins_m(self) -> float:
-        """Arc length on the ego's way up to which nobody is in its way."""
+        """Arc length on the ego's route at which the conflict area begins."""
         return min(conflict.own_m[0] for conflict in self.conflicts)
 
     @property
     def ends_m(self) -> float:
-        """Arc length from which on nobody is any more."""
+        """Arc length at which the conflict area ends."""
         return max(conflict.own_m[1] for conflict in self.conflicts)
 
 

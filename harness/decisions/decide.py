@@ -60,7 +60,7 @@ def driver_of(name: str) -> Driver:
 
 
 def decide(driver: Driver, bodies: Bodies, egos: Egos, road: Road) -> Decision:
-    """Ask a driver at each step.
+    """Return the driver's command at each step.
 
     The belief, and with it which gaps beside the ego are accepted, is of the bodies that are sure.
 
@@ -81,7 +81,7 @@ def decide(driver: Driver, bodies: Bodies, egos: Egos, road: Road) -> Decision:
 
 
 def decide_by(driver: Driver, belief: Belief) -> Decision:
-    """Ask a driver with a belief.
+    """Return the driver's command for a belief.
 
     Raises:
         ValueError: What it would do is no finite number at each step.

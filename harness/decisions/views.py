@@ -22,7 +22,7 @@ SAME_LINE_M = 0.5
 
 @dataclass(frozen=True)
 class LaneView:
-    """One lane seen from the ego at each of n steps, with m bodies laid along it.
+    """One lane seen from the ego at each of n steps, with m bodies projected on it.
 
     Attributes:
         exists: Whether there is such a lane beside the ego, shape (n,).

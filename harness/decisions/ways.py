@@ -98,7 +98,7 @@ class Ways:
     lines: list[Line] = field(default_factory=list)
 
     def places(self, egos: Egos, bodies: Bodies, within_m: float) -> Iterator[Placed]:
-        """Yield the bodies near the ego, laid along the way of their step."""
+        """Yield the bodies near the ego, projected on the route of their step."""
         away = np.hypot(bodies.lon_m - egos.lon_m[bodies.step], bodies.lat_m - egos.lat_m[bodies.step])
         near = (away <= within_m) & self.exists[bodies.step]
         for number, line in enumerate(self.lines):
@@ -163,7 +163,7 @@ def _points(lane: int, taken: set[int], graph: LaneGraph, before: list[list[int]
 
 
 def next_lane(lane: int, others: list[int], taken: set[int], graph: LaneGraph, back: bool = False) -> int:
-    """Return the lane that the way goes on by: one that the ego takes, beside such a one, or the straightest."""
+    """Return the next lane of a route: one that the ego takes, one beside it, or the straightest."""
 
     def rank(other: int) -> tuple[int, float]:
         beside = {int(graph.left[other]), int(graph.right[other])} & taken

@@ -43,7 +43,7 @@ class Windows:
 
 @dataclass(frozen=True)
 class EgoPath:
-    """The ego's way at a moment: where on it the ego is, and how it would go on if nobody were in its way.
+    """The ego's route at one moment: its place on it, and its motion if the way is free.
 
     Attributes:
         way: The way.
@@ -77,7 +77,7 @@ class EgoPath:
 
     @cached_property
     def _foreseen(self) -> tuple[FloatArray, FloatArray]:
-        """Return times and arc lengths of its front as it goes on by the intelligent driver model."""
+        """Return predicted times and arc lengths of its front under the intelligent driver model."""
         steps = round(FORESIGHT_S / PREDICTED_EVERY_S)
         along, speed, at = self.along_m, self.speed_mps, [self.along_m]
         ahead_m = np.arange(self.along_m, self.along_m + 400.0)
@@ -91,7 +91,7 @@ class EgoPath:
         return PREDICTED_EVERY_S * np.arange(steps + 1.0), np.array(at) + 0.5 * self.length_m
 
     def window(self, place_m: tuple[float, float]) -> tuple[float, float, float]:
-        """Return from when until when it is at a place if it goes on, and how fast it leaves it."""
+        """Return the time interval in which it occupies a place if it goes on, and its speed at the end."""
         times, front = self._foreseen
         enter, leave = (
             float(np.interp(at, front, times, right=np.inf)) for at in (place_m[0], place_m[1] + self.length_m)
@@ -166,7 +166,7 @@ def on_way(way: Lanes, bodies: Bodies) -> tuple[IntArray, FloatArray, FloatArray
 
 
 def unseen_in_conflict(course: EgoPath, crossing: Crossing, bodies: Bodies, unseen: Unseen) -> float:
-    """Return the probability that a vehicle which nobody has seen is one that the ego must let pass.
+    """Return the probability that an undetected vehicle is one that the ego must let pass.
 
     Of unseen vehicles, a Poisson field, those count that would be if they drove as fast as their lane allows. They
     overtake nobody: behind a known vehicle none comes before that has left the place.
@@ -195,7 +195,7 @@ def room_before(course: EgoPath, places_m: Sequence[float]) -> float | None:
 
 
 def with_standing_leader(belief: Belief, gap_m: float) -> Belief:
-    """Return the belief of a single step with somebody who stands ahead at a distance."""
+    """Return the belief of a single step with a standing leader at a distance."""
     ahead = belief.leaders
     gaps, speeds, body = (
         np.append(of[0], new) for of, new in ((ahead.gap_m, gap_m), (ahead.speed_mps, 0.0), (ahead.body, NOBODY))

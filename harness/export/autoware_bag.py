@@ -151,7 +151,7 @@ def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
 
 
 def _directions(run: RecordedRun, table: pd.DataFrame) -> FloatArray:
-    """Return the direction in the plane along which ``std_lon_m`` is told, shape (n,)."""
+    """Return the direction in the plane to which ``std_lon_m`` refers, shape (n,)."""
     return np.asarray(run.road.heading_at(floats(table, "lon_m")), dtype=np.float64)
 
 

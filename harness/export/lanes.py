@@ -87,7 +87,7 @@ class Lanes:
 
 
 def lanes_of(run: RecordedRun) -> Lanes:
-    """Return the lanes of a run's road as far as somebody drove on it, and 100 m more."""
+    """Return the lanes of a run's road where vehicles drove, and 100 m more."""
     lon_m = floats(run.truth, "lon_m")
     first_m, last_m = (float(lon_m.min()) - BEYOND_M, float(lon_m.max()) + BEYOND_M) if len(lon_m) else (0.0, BEYOND_M)
     lanes = [

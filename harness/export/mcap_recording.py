@@ -43,7 +43,7 @@ About = Mapping[str, str]
 
 @dataclass(frozen=True)
 class _Boxes:
-    """Boxes of one kind at all steps, struct of arrays of shape (n,) and their place, size and texts.
+    """Boxes of one kind at all steps, struct of arrays of shape (n,) with their place, size and texts.
 
     Attributes:
         rows: Rows of each step.

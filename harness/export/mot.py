@@ -80,7 +80,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
 
 
 def folder_name(tracker: str) -> str:
-    """Return a tracker's name as the name of a folder: the run may come from elsewhere, so no name is a path."""
+    """Return a tracker's name as a safe folder name: an external run's name must not be a path."""
     return re.sub(r"[^\w.+-]+", "-", tracker).lstrip(".-")[:60] or "tracker"
 
 

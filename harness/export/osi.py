@@ -56,7 +56,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
 
 
 def _write_trace(path: Path, messages: Iterable[Any]) -> None:
-    """Write messages one after the other, each behind its length as a 32-bit number, little-endian."""
+    """Write messages, each preceded by its length as a 32-bit little-endian number."""
     with path.open("wb") as trace:
         for message in messages:
             content = message.SerializeToString(deterministic=True)

@@ -30,7 +30,7 @@ def _packed(file: Path) -> Path:
 
 
 def check_replaceable_file(path: Path, element: str, force: bool) -> None:
-    """Refuse to replace a file without being told to, or one that holds anything else than the export would.
+    """Refuse to replace a file without ``--force``, or one that is not such an export.
 
     Args:
         path: The file.

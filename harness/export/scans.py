@@ -28,7 +28,7 @@ EGO_COLUMNS = ["lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_
 
 @dataclass
 class _Listener:
-    """Takes down what a tracker is told, and reports nothing."""
+    """Records what a tracker receives, and reports nothing."""
 
     lines: list[str]
     scans: int = field(default=0)

@@ -9,7 +9,7 @@ from harness.grid.cells import Cell, CellTraffic
 
 
 class CellQueue:
-    """Hands out cells so that a worker meets the traffic again that it remembers, wherever that can be."""
+    """Hands out cells so that a worker reuses the traffic that it remembers where possible."""
 
     def __init__(self, cells: Iterable[Cell]) -> None:
         """Take in the cells; traffic is begun in their order."""
@@ -22,7 +22,7 @@ class CellQueue:
         return bool(self._new or self._begun)
 
     def take(self, remembered: CellTraffic | None) -> Cell:
-        """Take the next cell: of the remembered traffic, else of traffic that nobody has begun, else what is left.
+        """Take the next cell: of the remembered traffic, else of traffic that no worker has begun, else any.
 
         Args:
             remembered: Traffic of the cell that the worker did last; None for a new one.

@@ -92,7 +92,7 @@ class PlannedRun:
         return f"{readable.lstrip('-.')}-{hashlib.sha256(content.encode()).hexdigest()[:12]}"
 
     def identity(self) -> dict[str, Any]:
-        """Return the columns that tell this run from the others."""
+        """Return the columns that identify this run."""
         traffic, tracker = self.config.traffic, self.config.tracker
         models = [f"{name} {digest[:8]}" for name, digest in model_files(self.config).items()]
         return {

@@ -78,7 +78,7 @@ class GridRequest:
 
     @property
     def networks(self) -> tuple[str | None, ...]:
-        """The networks, one after the other; a single None where recorded traffic brings its own."""
+        """The networks in order; a single None where recorded traffic has its own."""
         return (self.net,) if self.nets is None else names(self.nets, "nets", NETS_EXAMPLE)
 
     @property
@@ -223,7 +223,7 @@ def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
 
 
 def _mismatches(request: GridRequest) -> Mapping[str | None, tuple[str, ...]]:
-    """Return the settings of each mismatch by its name; those of none where none is asked for."""
+    """Return the settings of each mismatch by its name; those of no mismatch by default."""
     if not request.mismatch:
         return {None: ()}
     folders = [path for path in request.replay if is_run_folder(Path(path))]

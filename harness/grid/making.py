@@ -31,7 +31,7 @@ Outcome = TypeVar("Outcome")
 
 @dataclass(frozen=True)
 class Telling:
-    """How the user is told of what goes on.
+    """How progress and warnings are shown to the user.
 
     Attributes:
         quiet: Whether to leave out the progress bar.
@@ -51,7 +51,7 @@ def keeping(execute: RunCells, out: Path) -> RunCells:
 
 
 def on_stderr(quiet: bool) -> Telling:
-    """Return what tells the user on stderr: warnings always, the rest unless quiet."""
+    """Return output to stderr: warnings always, the rest unless quiet."""
     return Telling(
         quiet,
         warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
@@ -86,7 +86,7 @@ def make_rows(
     retry_failed: bool,
     user: Telling,
 ) -> Outcome:
-    """Make what the folder lacks of a grid's rows, then write what they tell.
+    """Make the rows of a grid that its folder lacks, then write their results.
 
     Args:
         making: What is made.
@@ -190,7 +190,7 @@ def _drop_stale(
 
 
 def _changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
-    """Return in words what of the software that made a folder's runs is another now; empty where nothing is."""
+    """Return a sentence on the software that changed since a folder's runs were made; empty where none did."""
     names = []
     for table in ("versions", CODE):
         old, new = (dict(side.get(table) or {}) for side in (before, after))

@@ -167,7 +167,7 @@ class _Worker:
                 self.deadline = None
 
     def _give_up(self, reason: str, on_row: OnRow) -> None:
-        """Fail the run that was under way, or all that wait for the traffic; what else remains is done elsewhere."""
+        """Fail the run in progress, or all that wait for the traffic; other workers do the rest."""
         self.gone = True
         failed = [self._now.key] if self._now.key in self.rest else list(self.rest) if not self._now.key else []
         for key in failed:

@@ -17,7 +17,7 @@ from harness.truth.recorded.fcd import declares_types
 
 
 def request_of(options: Mapping[str, Any]) -> GridRequest:
-    """Return the grid that checked options ask for.
+    """Return the grid that checked options describe.
 
     Raises:
         InputError: A list is not one that a grid can be made of.
@@ -52,7 +52,7 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
 
 
 def _worlds(asked: object) -> bool | str:
-    """Return the worlds that are asked for; True for the usual ones, False for none."""
+    """Return the requested worlds; True for the default ones, False for none."""
     if asked is None or isinstance(asked, bool):
         return bool(asked)
     listed = _listed(asked) or ""

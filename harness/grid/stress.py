@@ -101,7 +101,7 @@ def run_stress(
 
 
 def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
-    """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings.
+    """Find a wrong network, recording, sensor or tracker before any run is made; report what recordings hold.
 
     Raises:
         InputError: Something is wrong.
@@ -122,7 +122,7 @@ def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
 
 
 def _check_recordings(grid: Grid, tell: Callable[[str], object]) -> None:
-    """Read every file once, so that a broken one is told before hours of runs over the others."""
+    """Read every file once, so that a broken one is reported before hours of runs over the others."""
     for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
         tell(open_looks(config).report)
 
@@ -159,7 +159,7 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
 
 @dataclass(frozen=True)
 class _Told:
-    """What a grid tells: numbers for programs, the same as Markdown, and curves with the places where they end."""
+    """The output of a grid: numbers for programs, the same as Markdown, and curves with their limits."""
 
     numbers: dict[str, Any]
     text: str
@@ -194,7 +194,7 @@ def _lines(failures: Sequence[Mapping[str, str]]) -> list[str]:
 
 
 def _in_words(row: Mapping[str, Any]) -> str:
-    """Return in words which run a row is of."""
+    """Return the label of a row's run."""
     names = ("net", "density", "demand", RECORDING, MISMATCH, "variant", "model", "seed")
     words = [f"{name} {row[name]}" for name in names if row.get(name) is not None]
     return ", ".join(

@@ -40,7 +40,7 @@ def usual_worlds(sensor: SensorSettings) -> Worlds:
 
 
 def altered_worlds(sensor: SensorSettings) -> Worlds:
-    """Return the settings of the worlds that are made of the sensor's own detections.
+    """Return the settings of the worlds that are made from the sensor's own detections.
 
     Args:
         sensor: The sensor's figures; false objects of another kind are as many as its own.
@@ -96,7 +96,7 @@ def worlds(sensor: SensorSettings, *, of_finished: bool) -> Worlds:
 
 
 def chosen_worlds(asked: str | None, sensor: SensorSettings, *, of_finished: bool) -> Worlds:
-    """Return the worlds that the user asks for, as is first whatever they are.
+    """Return the requested worlds; the unchanged world is always first.
 
     Args:
         asked: Names with commas between, or ``all``; None for the usual ones, of finished runs all.

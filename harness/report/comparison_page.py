@@ -131,6 +131,6 @@ def _same_detections(why: Why) -> tuple[RecordedRun, RecordedRun] | None:
 
 
 def _headings(why: Why, runs: tuple[RecordedRun, RecordedRun]) -> tuple[tuple[str, str], ...]:
-    """Return for each side its tracker in words, and its folder."""
+    """Return for each side the label of its tracker, and its folder."""
     folders = (why.folder_a, why.folder_b)
     return tuple((run.config.tracker.in_words(), folder) for run, folder in zip(runs, folders, strict=True))

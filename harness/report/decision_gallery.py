@@ -87,7 +87,7 @@ class Braking:
         return Subject(self.vehicle_id, self.track_id, with_ego=True)
 
     def sentence(self) -> str:
-        """Return what happened, in words."""
+        """Return a sentence on what happened."""
         track = f"track {self.track_id}" if self.track_id >= 0 else "its track"
         why = (WHY_MISSED if self.missed else WHY_PHANTOM)[self.fate].format(track=track, vehicle=self.vehicle_id)
         demands = (
@@ -100,7 +100,7 @@ class Braking:
         return f"Phantom braking: {demands}; {why}{whom}."
 
     def _sight(self) -> str:
-        """Return how well the sensor saw the vehicle, in words."""
+        """Return a phrase on how well the sensor saw the vehicle."""
         if not np.isfinite(self.unseen_s):
             return "never detected"
         if self.unseen_s > UNSEEN_S:
@@ -162,7 +162,7 @@ def _moments(run: RecordedRun, braking: Braking) -> list[tuple[int, str]]:
 
 
 def _speed_words(run: RecordedRun, subject: Subject, step: int) -> str:
-    """Return how much too fast or too slow the subject's track is, in words; empty where that can't be told."""
+    """Return a phrase on the speed error of the subject's track; empty where it is unknown."""
     vehicle, track = rows_at(run.truth, step), rows_at(run.tracks, step)
     true = floats(vehicle, "speed_mps")[vehicle["vehicle_id"].to_numpy() == subject.vehicle_id]
     held = floats(track, "speed_mps")[track["track_id"].to_numpy() == subject.track_id]

@@ -169,7 +169,7 @@ def _tables(folder: Path) -> dict[str, Markup]:
 
 
 def _heading(key: str, label: str | None) -> str | Markup:
-    """Return a column's name in words with its key below, as far as there are words for it."""
+    """Return a column's label with its key below, where it has a label."""
     return key if label is None else Markup("{}<br><span class='key'>{}</span>").format(label, key)
 
 

@@ -60,7 +60,7 @@ class Failure(Protocol):
         ...
 
     def sentence(self) -> str:
-        """Return what happened, in words."""
+        """Return a sentence on what happened."""
         ...
 
     def moments(self, run: RecordedRun) -> list[tuple[int, str]]:
@@ -74,7 +74,7 @@ class Failure(Protocol):
 
 @dataclass(frozen=True)
 class OcclusionEvent:
-    """One time that a tracked vehicle was hidden and came back.
+    """One occlusion of a tracked vehicle, until it is seen again.
 
     Attributes:
         vehicle_id: The vehicle.
@@ -95,7 +95,7 @@ class OcclusionEvent:
     largest_error_m: float
 
     def sentence(self) -> str:
-        """Return what happened, in words."""
+        """Return a sentence on what happened."""
         kept = f"track {self.track_id}"
         ends = {
             "lost": f"its {kept} was deleted" if self.track_id >= 0 else "it had no track before",

@@ -70,7 +70,7 @@ def visibility_charts(mae: Mapping[str, Any]) -> Charts:
 
 
 def diagnostics_of(run: RecordedRun) -> pd.DataFrame | None:
-    """Return what the tracker told of each step; None of one that tells nothing."""
+    """Return the tracker's diagnostics of each step; None without any."""
     told = (run.folder / runfolder.DIAGNOSTICS).is_file()
     return runfolder.read_table(run.folder, runfolder.DIAGNOSTICS, "folder", DIAGNOSTIC_COLUMNS) if told else None
 

@@ -44,7 +44,7 @@ def setting_sentence(metrics: Metrics) -> str:
 
 
 def traffic_source(metrics: Metrics) -> str:
-    """Return where the traffic came from: the network's name, or the recording's file and the network if it has one."""
+    """Return the source of the traffic: the network's name, or the recording's file and its network if it has one."""
     net, file = str(metrics["run"]["net"]), metrics.get("recording", {}).get("file")
     if net == ROAD_OF_RECORDING:
         return str(file or "a recording")
@@ -151,7 +151,7 @@ def _decisions(metrics: Metrics) -> str:
 
 
 def decision_summary(metrics: Metrics) -> str:
-    """Return what the ego's driver would have done by the tracks, in words; empty where none was asked."""
+    """Return sentences on the driver's decisions by the tracks; empty where no driver was used."""
     decisions = _decided(metrics)
     if not decisions:
         return ""

@@ -88,7 +88,7 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
 
 
 def check_film(path: Path, force: bool) -> None:
-    """Find out beforehand whether a film can be written.
+    """Check beforehand whether a video can be written.
 
     Raises:
         InputError: The file exists or does not end in ``.mp4``, or the part of the package that writes films is not

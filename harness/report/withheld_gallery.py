@@ -53,7 +53,7 @@ class Withheld:
         return self.from_s, self.to_s + AFTERWARDS_S
 
     def sentence(self) -> str:
-        """Return what happened, in words."""
+        """Return a sentence on what happened."""
         kind = "two-wheeler" if self.length_m <= TWO_WHEELER_M else "lorry" if self.length_m >= LORRY_M else "car"
         before = "had a track before that" if self.dropped else "never had a track"
         return (
@@ -74,7 +74,7 @@ class Withheld:
 
 
 def withheld_words(metrics: Mapping[str, Any]) -> str:
-    """Return how many vehicles were withheld and how many tracks dropped, in words; empty where there were none."""
+    """Return a phrase on the numbers of withheld vehicles and dropped tracks; empty without any."""
     table = metrics.get(NAME) or {}
     counts = ((table.get("never_reported") or 0, "never got a track"), (table.get("dropped") or 0, "lost it"))
     return " and ".join(f"{count} {what}" for count, what in counts if count)

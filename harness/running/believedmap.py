@@ -15,7 +15,7 @@ ONLY_LANE = 1
 
 
 def believed_map(road: Road, believes: BeliefsConfig) -> Road:
-    """Return the road as trackers are told it.
+    """Return the road as trackers are given it.
 
     Args:
         road: What there is.

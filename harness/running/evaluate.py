@@ -193,7 +193,7 @@ def evaluate(looks: Looks, build: TrackerBuilder, seed: int) -> Evaluated:
 def evaluation_of(
     config: RunConfig, looks: Looks, keepers: Mapping[str, Keeper] | None = None, writer: RunWriter | None = None
 ) -> Evaluation:
-    """Return the evaluation that a configuration asks for: its tracker is shown what it lets the tracker believe.
+    """Return the evaluation that a configuration describes; its tracker sees only what the configuration allows.
 
     Args:
         config: The configuration.

@@ -204,5 +204,5 @@ def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
 
 
 def labels() -> dict[str, str]:
-    """Return the name with its unit of each number that people are told, by its key in ``metrics.json``."""
+    """Return the label with unit of each shown number, by its key in ``metrics.json``."""
     return {each.key: each.label for each in quantities()}

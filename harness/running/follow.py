@@ -118,7 +118,7 @@ class _EpisodeTrackers:
             return step_tracker(tracker, own, look.observation.truth_id)
 
     def _told(self, look: Look) -> Scan:
-        """Return what the tracker is told of a look."""
+        """Return what the tracker receives of a look."""
         scan = _as_believed(look.observation.scan, self.looks.noise_factor)
         if not self.looks.tells_signals or not look.frame.signals:
             return scan

@@ -41,7 +41,7 @@ class Streams:
 
 @dataclass(frozen=True)
 class Looks:
-    """Looks at one piece of traffic in order, and what is known of them beforehand.
+    """The looks at one piece of traffic in order, and what is known beforehand.
 
     Attributes:
         road: The road whose frame the looks use.
@@ -70,7 +70,7 @@ class Looks:
     tells_signals: bool = False
 
     def believed(self, sheet: Mapping[str, float], noise_factor: float | None, *, tells_signals: bool = False) -> Looks:
-        """Return the same looks of which trackers are told something else.
+        """Return the same looks with changed information for trackers.
 
         Args:
             sheet: Values in place of those of the data sheet, by name.
@@ -129,7 +129,7 @@ def look_at(truth: TruthSource, sensor: Sensor, seed: int) -> Looks:
 
 
 def timed_looks(frames: Iterable[Frame], observe: Callable[[Frame], Observation]) -> Iterator[Look]:
-    """Yield a look at each frame when it is asked for, with the wall time of either part."""
+    """Yield a look for each frame on demand, with the wall times of truth and sensor."""
     source = iter(frames)
     while True:
         begin = perf_counter()

@@ -59,7 +59,7 @@ AROUND_EGO_M = 100.0
 
 @dataclass
 class TrafficSums:
-    """What the ``traffic`` table is made of, summed over a run that comes stretch by stretch.
+    """Sums for the ``traffic`` table over a run that is processed part by part.
 
     Attributes:
         road: The lanes.

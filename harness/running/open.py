@@ -61,7 +61,7 @@ Simulate = Callable[["Network", TrafficConfig, int, float], TruthSource]
 
 
 def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
-    """Open what the configuration asks for.
+    """Open the looks that the configuration describes.
 
     Args:
         config: The configuration.
@@ -77,7 +77,7 @@ def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
 
 
 def _altered(looks: Looks, config: RunConfig) -> Looks:
-    """Return the looks with their detections altered as the configuration asks for."""
+    """Return the looks with their detections changed as the configuration says."""
     settings = config.altered
     if settings == AlteredSettings():
         return looks
@@ -170,7 +170,7 @@ def check_gui(config: RunConfig) -> None:
 
 
 def check_tracker(config: RunConfig) -> None:
-    """Build the tracker once for nothing, so that a wrong option is told before any traffic is simulated.
+    """Build the tracker once as a check, so that a wrong option is reported before any traffic is simulated.
 
     Raises:
         InputError: There is no such tracker or it refuses its options.
@@ -186,7 +186,7 @@ def check_tracker(config: RunConfig) -> None:
 
 
 def check_driver(config: RunConfig) -> None:
-    """Build the driver once for nothing, so that a wrong name is told before any traffic is simulated.
+    """Build the driver once as a check, so that a wrong name is reported before any traffic is simulated.
 
     Raises:
         InputError: There is no such driver.
@@ -200,7 +200,7 @@ def driven_on(road: Road, config: RunConfig) -> Driven:
 
 
 def as_believed(looks: Looks, config: RunConfig) -> Looks:
-    """Return the looks of which the tracker is told what the configuration lets it believe.
+    """Return the looks with the information that the configuration gives the tracker.
 
     Raises:
         InputError: Together with the data sheet the beliefs make no sense.

@@ -89,7 +89,7 @@ class ColumnRecorder:
         )
 
     def forget(self) -> None:
-        """Let go of what is kept."""
+        """Free what is stored."""
         self._forgotten, self._rows = self.steps, 0
         for columns in (self._truth, self._detections, self._tracks):
             columns.clear()

@@ -25,7 +25,7 @@ class RememberedTraffic:
         self._last: _Played | None = None
 
     def __call__(self, config: RunConfig) -> Looks:
-        """Return the looks that the configuration asks for; see ``open_looks``."""
+        """Return the looks that the configuration describes; see ``open_looks``."""
         return open_looks(config, simulate=self._simulate)
 
     def _simulate(self, network: Network, traffic: TrafficConfig, seed: int, reach_m: float) -> TruthSource:

@@ -56,7 +56,7 @@ def resolve_run_config(
 
 
 def with_usual_traffic(config: RunConfig) -> RunConfig:
-    """Return a configuration with its network's default demand, or the usual density, where it asks for neither.
+    """Return a configuration with its network's default demand or density where it sets neither.
 
     Raises:
         InputError: There is no such network.
@@ -84,7 +84,7 @@ def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, An
 def _own_detections_part(
     name: str, sensor: str, asked: Mapping[str, Any], recording: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the sensor's table of a recording that brings its own detections; refuse what it leaves no choice of."""
+    """Return the sensor's table of a recording with its own detections; refuse settings that it does not allow."""
     if recording["ego"] not in ("auto", "each"):
         raise InputError(f"`ego` {recording['ego']}: a {name} recording is seen from its own car; leave `ego` out")
     profile = asked.get("sensor", {}).get("profile")

@@ -162,7 +162,7 @@ def _interrupted(attempt: _Attempt, pending: runfolder.PendingFolder) -> RunInte
 
 
 def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> str:
-    """Keep the finished steps if the disk takes them, and return in words what became of them."""
+    """Write the finished steps if the disk has room, and return a sentence on the result."""
     with signals_held(forgotten=True):
         try:
             flaws = attempt.leave(status, problem)
@@ -237,7 +237,7 @@ class _Attempt:
         return metrics
 
     def leave(self, status: str, problem: str) -> str:
-        """Write what there is of a run that did not end, and return in words what it lacks for want of room."""
+        """Write the unfinished run, and return a sentence on what is missing for lack of space."""
         rest = {} if self._evaluation is None else self._evaluation.recorded()
         return self._writer.leave(status, problem, self.steps, rest)
 

@@ -21,7 +21,7 @@ PLACE_DECIMALS, EXPECTED_DECIMALS = 4, 6
 
 
 class UnseenOfTracks:
-    """Works out, scan by scan, where unseen vehicles are to be expected; who tells it itself is taken at its word.
+    """Computes the expected number of undetected vehicles after each scan; a tracker's own statement takes precedence.
 
     What a tracker has learned of its sensor's reach, in an attribute ``reach``, takes the data sheet's place.
     """
@@ -72,7 +72,7 @@ class UnseenKeeper:
         return pd.concat(self._rows, ignore_index=True) if self._rows else None
 
     def forget(self) -> None:
-        """Let go of the rows."""
+        """Free the rows."""
         self._rows.clear()
 
 

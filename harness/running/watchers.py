@@ -73,7 +73,7 @@ DECIMALS = 6
 
 @runtime_checkable
 class DiagnosedTracker(Protocol):
-    """A tracker that tells what happened inside its last step."""
+    """A tracker that reports diagnostics of its last step."""
 
     @property
     def last_report(self) -> StepReport:

@@ -75,7 +75,7 @@ class RunWriter:
         self._write_manifest(runfolder.COMPLETE, None, steps, rows_of(self.folder))
 
     def leave(self, status: str, problem: str, steps: int, rest: Mapping[str, pd.DataFrame]) -> str:
-        """Write what there is of a run that did not end, no scores, and return in words what it lacks for want of room.
+        """Write the unfinished run without scores, and return a sentence on what is missing for lack of space.
 
         Args:
             status: What became of it, for the manifest.

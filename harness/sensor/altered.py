@@ -66,7 +66,7 @@ def altered(
 
 
 def some_scans(looks: Iterable[Look], every: int) -> Iterator[Look]:
-    """Yield the first of every so many looks, their steps numbered anew."""
+    """Yield the first of every so many looks, their steps renumbered."""
     for k, look in enumerate(looks):
         if k % every == 0:
             yield replace(look, frame=replace(look.frame, step=k // every))
@@ -134,7 +134,7 @@ def blinded(looks: Iterable[Look], blind_s: float, every_s: float) -> Iterator[L
 
 
 def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield looks with the false detections of another sensor added, in an order that tells nothing."""
+    """Yield looks with the false detections of another sensor added, in an order that reveals nothing."""
     memory = SensorMemory()
     for look in looks:
         frame, seen = look.frame, look.observation
@@ -161,7 +161,7 @@ def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: n
 def misplaced(
     looks: Iterable[Look], std_m: float, std_rad: float, road: Road, rng: np.random.Generator
 ) -> Iterator[Look]:
-    """Yield looks whose ego takes itself to be elsewhere and turned, and with itself all that it detects."""
+    """Yield looks with an error of the ego's pose, which shifts and turns all detections too."""
     for look in looks:
         scan = look.observation.scan
         along, across, turn = rng.standard_normal(3) * [std_m, std_m, std_rad]
@@ -192,7 +192,7 @@ def _kept(look: Look, keep: BoolArray) -> Look:
 
 
 def _like(made: Detections, others: Detections) -> Detections:
-    """Return detections with the columns that others have; a direction that nobody measured is wholly uncertain."""
+    """Return detections with the columns that others have; an unmeasured heading gets a full circle of uncertainty."""
     zeros = np.zeros(len(made))
     sizes, headings, correlation, score = made.sizes, None, None, None
     if others.sizes is not None and sizes is None:
@@ -212,6 +212,6 @@ def _with_scan(look: Look, scan: Scan) -> Look:
 
 
 def _with_shadows(look: Look, sensor: SensorSettings, road: Road) -> Look:
-    """Return a look whose sensor knows of the shadows of the detections that are left."""
+    """Return a look whose sensor knows the shadows of the remaining detections."""
     scan = look.observation.scan
     return _with_scan(look, replace(scan, free_space=own_shadows(sensor, scan.detections, scan.ego, road)))

@@ -91,7 +91,7 @@ class RayedSensor:
 
 
 def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorModel:
-    """Return what a tracker is told of the sensor: its reach as it is, everything else rounded and nominal.
+    """Return the data sheet for trackers: the range is exact, everything else is rounded and nominal.
 
     Clutter is taken to spread over a straight road of the settings' width. Where the road frame is the plane, it is
     taken to spread over as much of the map's lanes as lies in range on the average over the map, which a tracker that
@@ -125,7 +125,7 @@ class _Seen:
 
 
 def view_of(settings: SensorSettings, frame: Frame, road: Road) -> tuple[Scene, FloatArray | None]:
-    """Return how the sensor stands to a frame and what it sees of it, and the share of each vehicle behind walls."""
+    """Return the geometry between sensor and frame, what is visible, and the share of each vehicle behind walls."""
     ego = frame.ego_pose
     sight = sight_to(frame.lon_m, frame.lat_m, road, ego, road.axis_of(frame.heading_rad))
     in_range = in_reach(settings, sight.distance, sight.off_axis)
@@ -211,7 +211,7 @@ def as_score(log_odds: FloatArray) -> FloatArray:
 
 
 def own_shadows(settings: SensorSettings, detections: Detections, ego: EgoPose, road: Road) -> FreeSpace:
-    """Return what a sensor with these figures knows of its own shadows."""
+    """Return the sensor's own shadows for these settings."""
     return free_space(detections, ego, road, settings.range_m, float(np.deg2rad(settings.field_of_view_deg)))
 
 

@@ -135,7 +135,7 @@ def mirror_images(mirrored: Mirrored, scene: Scene) -> Ghosts:
 
 
 def posts_along(settings: SensorSettings, road: Road, ego: EgoPose, rng: np.random.Generator) -> Ghosts:
-    """Draw what stands beside the road for good: on the borders of lanes of a road, in the plane on its lanes.
+    """Draw permanent objects beside the road: at the borders of its lanes, or on the lanes in the plane.
 
     Args:
         settings: The sensor's figures.

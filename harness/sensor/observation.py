@@ -16,7 +16,7 @@ from mmpf.scan import Scan, SensorModel
 
 @dataclass(frozen=True)
 class Observation:
-    """What the sensor made of one frame.
+    """The sensor's result for one frame.
 
     Attributes:
         scan: What the tracker is given.
@@ -74,7 +74,7 @@ class Sensor(Protocol):
     """Turns frames into observations."""
 
     def model(self, road: Road | None = None) -> SensorModel:
-        """Return what a tracker may know of this sensor beforehand, on a road."""
+        """Return what a tracker may know of this sensor on a road before the first scan."""
         ...
 
     def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:

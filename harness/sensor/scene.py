@@ -26,7 +26,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class Scene:
-    """A frame, and how a sensor with its figures stands to each of its vehicles: arrays of shape (n,)."""
+    """A frame and the geometry between the sensor and each of its vehicles: arrays of shape (n,)."""
 
     settings: SensorSettings
     frame: Frame

@@ -22,7 +22,7 @@ ROWS, RUNS, GRID, KEPT, FIGURES = "runs", "runs.parquet", "grid.json", "kept", "
 
 @contextmanager
 def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> Iterator[Path]:
-    """Make or take up a grid's folder, keep other processes off it, and yield the folder of its rows.
+    """Make or resume a grid's folder, lock it, and yield the folder of its rows.
 
     Raises:
         InputError: It may not be taken up, can't be written, or another process is writing it.

@@ -48,7 +48,7 @@ def column_of(table: pd.DataFrame, name: str) -> FloatArray:
 
 
 def write_row(folder: Path, key: str, row: Row) -> None:
-    """Write a run's row so that it is there whole or not at all."""
+    """Write a run's row atomically."""
     final = folder / f"{key}.json"
     write_text(final, json.dumps(row, allow_nan=False))
 

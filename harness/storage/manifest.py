@@ -23,7 +23,7 @@ HASHED = ("metrics.json", "config.toml", "road.json", "grid.json")
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What is known of a run, or of a grid of runs, beside the software and the machine.
+    """Facts about a run or grid apart from software and machine.
 
     Attributes:
         status: ``complete``, ``interrupted`` or ``failed``.
@@ -126,7 +126,7 @@ def _git_revision() -> str | None:
 
 
 def _git(*arguments: str) -> str | None:
-    """Return what git answers in this file's folder; None if it can't."""
+    """Return git's output in this file's folder; None if it fails."""
     command = ["git", "-C", str(Path(__file__).parent), *arguments]
     try:
         answer = subprocess.run(command, capture_output=True, text=True, timeout=10.0, check=False)

@@ -32,12 +32,12 @@ def claim(folder: Path, kind: str) -> None:
 
 
 def record_all(folder: Path, kind: str) -> None:
-    """Write a ledger of everything in a folder into which nobody else has written yet."""
+    """Write the list of this program's files for a folder that holds no others."""
     _write(folder, kind, (name for name in _files(folder) if name != LEDGER))
 
 
 def add(folder: Path, files: Iterable[Path]) -> None:
-    """Enter files that a later command has written into a folder that has a ledger; elsewhere do nothing."""
+    """Add files of a later command to a folder's list; do nothing where there is no list."""
     known = _read(folder)
     if known is not None:
         kind, listed = known
@@ -57,7 +57,7 @@ def strangers(folder: Path) -> list[str]:
 
 
 def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
-    """Check that a folder may be replaced: empty, or made by this program, of this kind, with nobody's files in it.
+    """Check that a folder may be replaced: empty, or made by this program, of this kind, without other files.
 
     Raises:
         InputError: It may not.
@@ -84,7 +84,7 @@ def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
 
 
 def described(folder: Path) -> str:
-    """Return in words what would be removed with a folder."""
+    """Return a phrase on what would be removed with a folder."""
     own = _own(folder)
     files = [folder / name for name in _files(folder) if name in own]
     size_mb = sum(file.lstat().st_size for file in files) / 1e6

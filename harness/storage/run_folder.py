@@ -68,7 +68,7 @@ class PendingFolder:
 
     @property
     def replaced(self) -> str | None:
-        """What will be removed for this folder, in words; None if nothing."""
+        """A phrase on what will be removed for this folder; None if nothing."""
         return ownership.described(self.final) if self.force and self.final.exists() else None
 
     def finish(self) -> Path:
@@ -84,7 +84,7 @@ class PendingFolder:
         return taken
 
     def leave_incomplete(self) -> Path:
-        """Give the folder a name that tells that the run did not end, and return it."""
+        """Rename the folder to show that the run did not end, and return it."""
         # On a full disk the ledger stays as it was: nothing will replace the folder, and its rows are kept.
         with suppress(OSError):
             ownership.record_all(self.path, ownership.RUN)
@@ -283,7 +283,7 @@ def _road(path: Path, parameter: str) -> Road:
 
 
 def _check_frame(road: CorridorRoad) -> None:
-    """Refuse, with a ValueError, a road that nobody can drive on."""
+    """Refuse, with a ValueError, a road without drivable lanes."""
     points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
     if not 2 <= len(points) <= MOST_POINTS or not (np.abs(points) <= FARTHEST_M).all():
         raise ValueError("its reference line needs two points or more in metres")

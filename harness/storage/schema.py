@@ -88,7 +88,7 @@ class Table:
 
 
 def _number(name: str, meaning: str, unit: str | None = None, **more: object) -> Column:
-    """Return a column of numbers, in the unit that its name ends in if no other is told."""
+    """Return a column of numbers; its unit is the name's ending unless given."""
     by_name = next((unit for ending, unit in UNITS_BY_ENDING.items() if name.endswith(ending)), "")
     return replace(Column("float64", name, meaning, by_name if unit is None else unit), **more)  # type: ignore[arg-type]
 

@@ -109,7 +109,7 @@ def _seconds(name: str, value: object) -> float:
 
 
 def setting_lines(setting: TrackerSetting, options: Mapping[str, object]) -> Iterator[str]:
-    """Yield what a program is told before the first scan."""
+    """Yield the lines that a program receives before the first scan."""
     road, graph = setting.road, setting.road.graph
     yield f"protocol 1\nframe {'plane' if road.has_headings else 'road'}\nstep_s {setting.step_s!r}\n"
     yield f"seed {setting.rng.integers(2**31)}\n"
@@ -149,7 +149,7 @@ def _numbers(values: list[float]) -> str:
 
 
 def _tracks_of(answer: list[list[str]], scan: int) -> Tracks:
-    """Return the tracks of the answer to a scan; a ValueError says what else it is."""
+    """Return the tracks in the answer to a scan; raise ValueError if it is something else."""
     if answer[0][:2] != ["tracks", str(scan)]:
         raise ValueError(f"{_shown(answer[0])}, not tracks {scan} and how many")
     rows = answer[1:]
@@ -172,7 +172,7 @@ def _shown(words: list[str]) -> str:
 
 
 class _Program:
-    """A running program, its pipes, and what it wrote that nobody has read yet."""
+    """A running program, its pipes, and its output that has not been read yet."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -195,7 +195,7 @@ class _Program:
         weakref.finalize(self, _end, process)
 
     def ask(self, text: str, limit_s: float) -> list[list[str]]:
-        """Write lines and return the answer's, word by word.
+        """Write lines and return the answer's words line by line.
 
         Raises:
             RunError: The program ended, took too long, wrote more than an answer, or answered ``error``.
@@ -232,7 +232,7 @@ class _Program:
         return answer
 
     def _answer(self) -> list[list[str]] | None:
-        """Return the next answer's lines as words and take them away; None while it is not complete."""
+        """Take the next complete answer from the buffer as lines of words; None while it is incomplete."""
         if len(self._read) > MOST_ANSWER_BYTES:
             raise RunError(f"{self.name}: it answered more than {MOST_ANSWER_BYTES // 1_000_000} MB")
         end = self._read.find(b"\n")

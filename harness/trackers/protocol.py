@@ -46,7 +46,7 @@ class Tracker(Protocol):
 
 @runtime_checkable
 class TruthAssociatedTracker(Protocol):
-    """A reference, not a tracker: it is told which vehicle each detection came from, and nothing else of the truth."""
+    """A reference, not a tracker: it is given the true origin of each detection, and nothing else of the truth."""
 
     def step_associated(self, scan: Scan, truth_id: npt.NDArray[np.str_]) -> Tracks:
         """Take in one scan with the true origin of each detection (empty for clutter), shape (d,)."""

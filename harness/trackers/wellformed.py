@@ -67,7 +67,7 @@ def is_own(tracker: object) -> bool:
 
 
 def fault_of(tracks: object) -> str | None:
-    """Return what is wrong with what a step returned, in words, or None if it can be recorded and scored."""
+    """Return a sentence on the fault in a step's result, or None if it can be recorded and scored."""
     if not isinstance(tracks, Tracks):
         return f"step returned {type(tracks).__name__}, not Tracks"
     wanted = np.shape(tracks.track_id)

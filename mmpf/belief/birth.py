@@ -21,7 +21,7 @@ STANDING_STD_MPS = 0.5
 
 @dataclass(frozen=True)
 class Traffic:
-    """What is known of speeds around a birth place, struct of arrays over k vehicles, the ego among them.
+    """Speeds around a birth place, struct of arrays over k vehicles including the ego.
 
     Attributes:
         lon_m: Longitudinal positions, shape (k,).
@@ -66,7 +66,7 @@ def give_birth(
     options: FilterOptions,
     rng: np.random.Generator,
 ) -> Mixture:
-    """Add one component for each chosen detection and let go of those that are not kept: one copy of all particles.
+    """Add one component for each chosen detection and remove those not kept, with one copy of all particles.
 
     Where the sensor measures no speed, it is drawn partly near the speed of the traffic around and partly from
     everything that is possible: a prior near the neighbours alone loses the fast lane.
@@ -139,7 +139,7 @@ def _draw_states(births: Births, particles: int, options: BirthOptions, rng: np.
 
 
 def local_speed(lon_m: FloatArray, lat_m: FloatArray, traffic: Traffic, range_m: float) -> FloatArray:
-    """Return the mean speed of the traffic around places, the nearer the heavier, shape (k,)."""
+    """Return the mean speed of traffic around places, weighted by nearness, shape (k,)."""
     away = ((lon_m[:, None] - traffic.lon_m[None, :]) / range_m) ** 2
     if traffic.lat_m is not None:
         away += ((lat_m[:, None] - traffic.lat_m[None, :]) / range_m) ** 2

@@ -46,7 +46,7 @@ class ParticleCloud:
         return np.searchsorted(self.component, np.arange(components + 1))
 
     def take(self, particles: IntArray, component: IntArray) -> ParticleCloud:
-        """Return the chosen particles under new component indices, weights as they are.
+        """Return the chosen particles under new component indices, weights unchanged.
 
         Args:
             particles: Indices of the particles to keep, shape (k,).
@@ -64,7 +64,7 @@ class ParticleCloud:
     def stretches(
         self, stretches: list[slice], component: IntArray, then: ParticleCloud | None = None
     ) -> ParticleCloud:
-        """Return stretches of particles one after the other, then another cloud's, weights as they are.
+        """Return ranges of particles in order, then another cloud's, weights unchanged.
 
         Args:
             stretches: Particles to keep.
@@ -82,13 +82,13 @@ class ParticleCloud:
 
 
 def is_longer(time_s: FloatArray, least_s: float) -> BoolArray:
-    """Return which times have come up to a least time, but for rounding."""
+    """Return which times reach a minimum, up to rounding."""
     return np.asarray(time_s > least_s - ROUNDING_S)
 
 
 @dataclass(frozen=True)
 class Components:
-    """What every rule keeps of each component beside its particles, struct of arrays over m components.
+    """The state of each component in every rule beside its particles, struct of arrays over m components.
 
     A rule that keeps more has a class of its own with further columns.
 
@@ -168,7 +168,7 @@ class Components:
 
 @dataclass(frozen=True)
 class Mixture:
-    """The filter's whole belief: equation (8) with its book-keeping.
+    """The filter's whole belief: equation (8) with its bookkeeping.
 
     Attributes:
         cloud: The particles.
@@ -192,7 +192,7 @@ class Mixture:
 
     @classmethod
     def empty(cls, latent_size: int, nobody: Components, has_headings: bool = False) -> Mixture:
-        """Return a belief without components, in which ``nobody`` says which columns they will have."""
+        """Return a belief without components; ``nobody`` says which columns they will have."""
         none, no_index = np.zeros(0), np.zeros(0, dtype=np.int64)
         cloud = ParticleCloud(np.zeros((STATE_SIZE, 0)), none, none, no_index, none, np.zeros((latent_size, 0)))
         return cls(cloud, nobody, has_headings=has_headings)
@@ -208,7 +208,7 @@ class Mixture:
         return replace(self, cloud=self._kept_cloud(keep), components=taken(self.components, keep))
 
     def keep_and_join(self, keep: BoolArray, cloud: ParticleCloud, components: Components) -> Self:
-        """Return the belief with the components to keep and further ones behind them.
+        """Return the belief with the kept components, followed by further ones.
 
         Args:
             keep: Which components stay, shape (m,).

@@ -38,7 +38,7 @@ class Moments:
 
     @property
     def std_along_m(self) -> FloatArray:
-        """Standard deviation of the place along the road, shape (m,); in the plane that of the place in all."""
+        """Standard deviation along the road, shape (m,); in the plane that of the position."""
         variance = self.variance[LON] + self.variance[LAT] if self.has_headings else self.variance[LON]
         return np.asarray(np.sqrt(variance))
 
@@ -47,7 +47,7 @@ class Moments:
         return Moments(self.mean[:, index], self.variance[:, index], self.heading_rad[index], self.has_headings)
 
     def followed_by(self, then: Moments) -> Moments:
-        """Return these and another belief's of the same kind behind them."""
+        """Return these moments followed by those of another belief."""
         return Moments(
             np.concatenate([self.mean, then.mean], axis=1),
             np.concatenate([self.variance, then.variance], axis=1),
@@ -89,7 +89,7 @@ def effective_sizes(mixture: Mixture) -> FloatArray:
 def gate_table(
     moments: Moments, detections: Detections, gate_std: float, noise_factor: FloatArray | None = None
 ) -> BoolArray:
-    """Return which detections lie within each component's gate, along the road and across it, shape (m, d).
+    """Return which detections lie within each component's gate along and across the road, shape (m, d).
 
     Args:
         moments: The components' moments.

@@ -67,7 +67,7 @@ def resample_smoothly(
     kernel_width: FloatArray,
     rng: np.random.Generator,
 ) -> Mixture:
-    """Resample the chosen components and smooth their particles, which would be copies of few ancestors otherwise.
+    """Resample the chosen components and smooth their particles, which would otherwise be copies of few ancestors.
 
     A particle is drawn towards the component's mean by ``sqrt(1 - h^2)`` and then moved by ``h`` times a draw from the
     component's covariance (Liu and West 2001), so that mean and covariance stay as they were, and what the latents
@@ -183,7 +183,7 @@ def _smooth(
     factor: FloatArray,
     normal: Float32Array,
 ) -> None:
-    """Move particles towards the mean and add the factor times normal numbers (c, 6, size); none drives in reverse."""
+    """Move particles towards the mean and add the factor times normal numbers (c, 6, size); speeds stay nonnegative."""
     size = normal.shape[2]
     for c in range(begin, end):
         own = slice(begins[c], begins[c] + size)

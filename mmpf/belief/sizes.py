@@ -15,7 +15,7 @@ Kept = TypeVar("Kept", bound=Components)
 
 
 def with_measured_sizes(components: Kept, index: IntArray, sizes: BodySizes) -> Kept:
-    """Return the components with the sizes of some of them measured once more: a scalar Kalman update each.
+    """Return the components with a new measurement of some sizes: a scalar Kalman update each.
 
     Args:
         components: The components.
@@ -30,7 +30,7 @@ def with_measured_sizes(components: Kept, index: IntArray, sizes: BodySizes) -> 
 
 
 def sizes_of(components: Components, index: IntArray) -> BodySizes:
-    """Return what is known of the sizes of some components."""
+    """Return the known sizes of some components."""
     return BodySizes(
         components.length_m[index],
         components.width_m[index],

@@ -12,7 +12,7 @@ from mmpf.numerics.kernels import kernel
 
 @dataclass(frozen=True)
 class Marginals:
-    """What belief propagation settles between m components and d detections.
+    """The result of belief propagation between m components and d detections.
 
     Attributes:
         detection_message: nu: how freely each detection offers itself to each component, shape (m, d).
@@ -69,7 +69,7 @@ def _pass_messages(
     to_detection: FloatArray,
     to_component: FloatArray,
 ) -> None:
-    """Rewrite the messages, each of shape (m, d), which begin as those to detections none, to components all alike."""
+    """Update the messages, each of shape (m, d); initially no detection sends any and components send equal ones."""
     components, detections = evidence.shape
     for _ in range(iterations):
         for t in range(components):

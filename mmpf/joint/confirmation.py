@@ -32,13 +32,13 @@ def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -
 
 
 def still_confirmed(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
-    """Return which reported components stay so, shape (m,); arguments are those of ``to_confirm``."""
+    """Return which reported components stay reported, shape (m,); arguments are those of ``to_confirm``."""
     probable = components.vehicle_share >= options.kinds.withdraw_below
     return np.asarray(components.confirmed & (probable | in_path | moved_along(components, options)))
 
 
 def moved_along(components: Sources, options: JointOptions) -> BoolArray:
-    """Return which components have moved and been detected for so long that they are reported in any case, shape (m,).
+    """Return which components have moved and been detected for so long that they are always reported, shape (m,).
 
     Few false objects move, and they end soon: a vehicle that came into view unnoticed must not wait until the odds of
     its kind have grown. It is reported with its probability.
@@ -48,7 +48,7 @@ def moved_along(components: Sources, options: JointOptions) -> BoolArray:
 
 
 def lies_in_path(components: Components, moments: Moments, plane: SensorPlane, options: JointPath) -> BoolArray:
-    """Return which components lie where the ego is about to drive, shape (m,).
+    """Return which components lie in the ego's path, shape (m,).
 
     The path is as wide as the ego and a margin on both sides, and as long as the ego needs to stop.
 
@@ -67,7 +67,7 @@ def lies_in_path(components: Components, moments: Moments, plane: SensorPlane, o
 
 
 def stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
-    """Return which components share a footprint with a confirmed, well placed one: they may not be confirmed."""
+    """Return which components overlap a confirmed, well localised one: they may not be confirmed."""
     blocks = components.confirmed & (moments.std_along_m < options.known_place_std_lon_m)
     overlaps = overlapping(components, moments, options.same_place_share)
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))

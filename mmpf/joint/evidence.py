@@ -228,7 +228,7 @@ def _weigh_headings(
 
 
 def resolvable_std(std: FloatArray, spread: FloatArray, particles: IntArray) -> FloatArray:
-    """Return the deviations of measurements, no smaller than particles can resolve, shape (axes, p).
+    """Return the deviations of measurements, bounded below by what particles can resolve, shape (axes, p).
 
     In each axis a measurement leaves the share std / sqrt(std² + spread²) of the cloud's width. Where the product of
     these shares leaves fewer than ``FEWEST_EFFECTIVE`` particles, the smallest are raised to one floor that leaves as
@@ -263,7 +263,7 @@ def _evaluate(
     starts: IntArray,
     values: FloatArray,
 ) -> None:
-    """Write the logarithms: the exponential of a whole array takes a fraction of one by one."""
+    """Write the logarithms: the exponential of a whole array is much faster than one by one."""
     for p in range(len(component)):
         begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
         j = detection[p]

@@ -53,7 +53,7 @@ class FalseObjects:
 
     @classmethod
     def none(cls) -> Self:
-        """Return what is known before the first scan."""
+        """Return the counts before the first scan."""
         return cls(
             np.zeros((FALSE_KINDS, LEVELS)),
             np.zeros(FALSE_KINDS),
@@ -104,7 +104,7 @@ class FalseObjects:
         stood: FloatArray,
         removed: BoolArray,
     ) -> Self:
-        """Return the counts with the vehicles that are there, and those that go.
+        """Return the counts with the vehicles that are present and those that leave.
 
         Args:
             kinds: Probabilities of each case of all components, that there is a source included, shape (m, *SHAPE).
@@ -135,7 +135,7 @@ class FalseObjects:
         return np.asarray(number / number.sum())
 
     def vehicle_shading(self, options: JointVehicles) -> FloatArray:
-        """Return the share of vehicles by how much shadows hide them, shape (3,)."""
+        """Return the distribution of how much shadows hide vehicles, shape (3,)."""
         number = (self.vehicles + self.present).sum(axis=1) + options.prior_count * shares_of(options.shading)
         return np.asarray(number / number.sum())
 

@@ -31,7 +31,7 @@ LARGEST_PROBABILITY = 0.99
 
 @dataclass(frozen=True)
 class Sightings:
-    """What the sensor would make of a source at each of m components' places, before the scan.
+    """The expected detection of a source at each of m components' places, before the scan.
 
     Attributes:
         in_shadow: Probability that a source of full detectability is detected, given the shadows, shape (m,).
@@ -57,7 +57,7 @@ class Sightings:
 
 
 def certain_vehicles(count: int) -> FloatArray:
-    """Return posteriors of vehicles of full detectability, which shadows hide in full, shape (count, *SHAPE)."""
+    """Return posteriors of vehicles with full detectability, fully hidden by shadows, shape (count, *SHAPE)."""
     kinds = np.zeros((count, *SHAPE))
     kinds[:, VEHICLE, 0, -1] = 1.0
     return kinds
@@ -74,7 +74,7 @@ def mean_detectability(kinds: FloatArray) -> FloatArray:
 
 
 def weighed(alive: FloatArray, sightings: Sightings) -> FloatArray:
-    """Return the unnormalised posterior after a scan: each case weighed by how well it foretold the scan.
+    """Return the unnormalised posterior after a scan: each case weighted by its likelihood of the scan.
 
     The Bernoulli update of each case (Reuter et al., IEEE TSP 2014): (1 - P_D) + P_D L, with L the likelihood ratio of
     the detections that may be the component's against clutter.
@@ -89,7 +89,7 @@ def weighed(alive: FloatArray, sightings: Sightings) -> FloatArray:
 
 
 def relaxed_shading(alive: FloatArray, usual: FloatArray, share: float) -> FloatArray:
-    """Return the posterior in which it is partly forgotten how much shadows hide vehicles.
+    """Return the posterior with part of the knowledge on shading forgotten.
 
     Args:
         alive: The posterior, shape (m, *SHAPE).

@@ -21,7 +21,7 @@ from mmpf.stages.update_rule import Situation
 def ended_meanwhile(
     sources: Sources, learned: FalseObjects, dt_s: float, options: JointOptions
 ) -> tuple[FloatArray, FloatArray]:
-    """Return each case's probability before a scan: vehicles hardly ever cease to be there, false objects do.
+    """Return each case's survival before a scan: vehicles rarely disappear, false objects do.
 
     Args:
         sources: The components after the scan before.
@@ -93,7 +93,7 @@ def kinds_after(
 
 
 def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, dt_s: float) -> FloatArray:
-    """Return the log odds that the lesser vehicle of two seen sources in one place loses, shape (m,)."""
+    """Return the log odds that the less probable of two overlapping visible vehicles loses, shape (m,)."""
     kinds, share = options.joint.kinds, sources.vehicle_share
     is_seen = sources.unseen_s <= options.reporting.hidden_after_s
     overlaps = overlapping(sources, moments, kinds.overlap_share)

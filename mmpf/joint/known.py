@@ -19,7 +19,7 @@ FEWEST_FALSE_HITS = 2
 
 @dataclass(frozen=True)
 class Known:
-    """What is known before a scan.
+    """The learned state before a scan.
 
     Attributes:
         sensor: The sensor's data sheet, with the clutter that was counted.
@@ -33,11 +33,11 @@ class Known:
 
     @classmethod
     def of_data_sheet(cls, sensor: SensorModel) -> Self:
-        """Return what is known before the first scan."""
+        """Return the state before the first scan."""
         return cls(sensor, Reach.of_data_sheet(sensor.range_m), FalseObjects.none())
 
     def with_clutter(self, false_detections: float, dt_s: float, memory_s: float | None) -> Self:
-        """Return it with a scan's expected number of false detections counted; None: the data sheet's number holds."""
+        """Return it with a scan's expected number of false detections added; None keeps the data sheet's number."""
         if memory_s is None:
             return self
         known, share = self.sensor.clutter_per_scan, -np.expm1(-dt_s / memory_s)
@@ -46,7 +46,7 @@ class Known:
 
 
 def with_sources(learned: FalseObjects, sources: Sources, removed: BoolArray) -> FalseObjects:
-    """Return what is known of sources, with the vehicles that are there and with all that are removed, shape (m,)."""
+    """Return it with the present and the removed sources counted, shape (m,)."""
     alive = sources.existence[:, None, None, None] * sources.kinds
     learned = learned.with_vehicles(alive, sources.hits, sources.born_in_view, np.exp(sources.stood_log), removed)
     gone = np.flatnonzero(removed & (sources.hits >= FEWEST_FALSE_HITS))

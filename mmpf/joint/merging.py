@@ -26,7 +26,7 @@ def merge_lasting_overlaps(
     hidden_after_s: float,
     dt_s: float,
 ) -> tuple[Mixture, BoolArray]:
-    """Merge components that have shared one place for long enough; the elder's identity stays.
+    """Merge components that have overlapped for long enough; the older identity stays.
 
     Two vehicles pass each other in neighbouring lanes all the time, and a hidden component may drift over a seen
     one: so they must be well within one footprint for long enough, and two that are both confirmed must be both hidden,

@@ -55,7 +55,7 @@ class Appearances:
     seen_share: FloatArray
 
     def standing_ratio(self, options: JointNewborn) -> FloatArray:
-        """Return how much oftener a vehicle that stands appears there than one that moves, at least 1, shape (k,)."""
+        """Return how many times more often standing than moving vehicles appear there, at least 1, shape (k,)."""
         moving, standing = (
             _rate(degree, options.appear_in_view_per_s, options) for degree in (self.in_view, self.in_view_standing)
         )
@@ -63,7 +63,7 @@ class Appearances:
 
     @classmethod
     def unwatched(cls, count: int) -> Self:
-        """Return places of the first scan: nobody had been looking, and vehicles were anywhere."""
+        """Return places of the first scan: nothing was observed before, so vehicles can be anywhere."""
         return cls(np.zeros(count), np.zeros(count), np.ones(count))
 
 
@@ -125,19 +125,19 @@ def newborn_sources(
 
 
 def _rate(in_view: FloatArray, in_view_per_s: float, options: JointNewborn) -> FloatArray:
-    """Return how many vehicles a second appear in places of a degree of plain view, shape (k,)."""
+    """Return the vehicles per second that appear in places of a degree of plain view, shape (k,)."""
     return np.asarray(options.appear_out_of_view_per_s ** (1.0 - in_view) * in_view_per_s**in_view)
 
 
 def _by_shading(shares: Sequence[float] | FloatArray, seen_share: FloatArray) -> FloatArray:
-    """Return how probable a first detection makes each shading, unnormalised, shape (k, 3)."""
+    """Return the unnormalised probability of each shading given a first detection, shape (k, 3)."""
     return np.asarray(shares_of(shares) * np.maximum(seen_share, 1e-3)[:, None] ** SHADING)
 
 
 def appearances_at(
     chosen: IntArray, mixture: Mixture, moments: Moments, known: Known, situation: Situation, options: FilterOptions
 ) -> Appearances:
-    """Return where detections lie that something new is started from.
+    """Return the places of the detections that start new sources.
 
     Args:
         chosen: The detections that something new is started from, shape (k,).

@@ -24,7 +24,7 @@ LARGEST_SURPRISE = 9.0
 
 
 def no_more_exact(scan: Scan, smallest_std_m: float) -> Scan:
-    """Return the scan with no position's deviation below the smallest, in metres; itself where there is none."""
+    """Return the scan with positional deviations bounded below, in metres; unchanged where none is smaller."""
     detections = scan.detections
     if min(detections.std_lon_m.min(initial=np.inf), detections.std_lat_m.min(initial=np.inf)) >= smallest_std_m:
         return scan
@@ -46,7 +46,7 @@ def with_innovations(
     situation: Situation,
     options: JointNoise,
 ) -> Sources:
-    """Return the sources with what their detections say of the noise.
+    """Return the sources with the noise estimates updated by their innovations.
 
     Args:
         sources: The components.
@@ -75,7 +75,7 @@ def with_innovations(
 
 
 def common_factor(sources: Sources) -> float:
-    """Return the noise factor that a new component begins with: the confirmed ones' root mean square, one if none."""
+    """Return the initial noise factor of a new component: the root mean square of confirmed ones, else one."""
     known = sources.noise_factor[sources.confirmed]
     return float(np.sqrt((known**2).mean())) if len(known) else 1.0
 

@@ -11,7 +11,7 @@ from mmpf.numerics.arrays import BoolArray, turned
 
 
 def overlapping(components: Components, moments: Moments, share: float) -> BoolArray:
-    """Return which components overlap which others, shape (m, m), symmetric; none overlaps itself.
+    """Return which components overlap, shape (m, m), symmetric, with a false diagonal.
 
     Args:
         components: The components, m of them, with their sizes.

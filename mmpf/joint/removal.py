@@ -13,7 +13,7 @@ from mmpf.stages.update_rule import Situation, outside_observation_area
 
 
 def worth_keeping(components: Components, moments: Moments, situation: Situation, options: JointRemoval) -> BoolArray:
-    """Return which components exist, are near, were seen lately and have a place, shape (m,)."""
+    """Return which components are kept: existing, near, recently seen and localised, shape (m,)."""
     left = outside_observation_area(moments.mean[LON], moments.mean[LAT], situation, options.range_margin_m)
     patience_s = np.where(components.confirmed, options.longest_unseen_s, options.unconfirmed_unseen_s)
     return np.asarray(

@@ -60,7 +60,7 @@ class JointUpdate:
     """
 
     def __init__(self, options: FilterOptions, sensor: SensorModel) -> None:
-        """Begin with what the data sheet says."""
+        """Start with the data sheet."""
         self.options, self.joint = options, options.joint
         self.known = Known.of_data_sheet(sensor)
 
@@ -70,20 +70,20 @@ class JointUpdate:
         return self.known.reach
 
     def motion(self, model: MotionModel) -> MotionModel:
-        """Let particles try manoeuvres that the model does not foresee."""
+        """Let particles try manoeuvres that the model does not predict."""
         manoeuvres = self.joint.manoeuvres
         return Manoeuvring(model, **manoeuvres.model_dump()) if manoeuvres.begin_per_s else model
 
     def model_error(self, model: MotionModel) -> ModelErrorOptions:
-        """Add no noise to a speed that the model spreads itself: resampling smooths particles, and keeps them apart."""
+        """Add no noise to a speed that the model spreads itself, because resampling smooths particles."""
         return self.options.model_error.with_speed(0.0 if spreads_speed(model) else OTHER_SPEED_ERROR)
 
     def prepare(self, scan: Scan) -> Scan:
-        """Take no detection as more exact than the place of a vehicle's centre can be."""
+        """Bound each detection's accuracy by that of a vehicle's centre."""
         return no_more_exact(scan, self.joint.noise.smallest_std_m)
 
     def first(self, count: int) -> Sources:
-        """Return components of the first scan: nobody had been looking."""
+        """Return components of the first scan: nothing was observed before."""
         existence = np.full(count, self.options.birth.first_existence)
         places, known = Appearances.unwatched(count), self.known
         return newborn_sources(1 + np.arange(count), existence, places, known.false_objects, known.sensor, self.options)
@@ -203,7 +203,7 @@ class JointUpdate:
         situation: Situation,
         rng: np.random.Generator,  # noqa: ARG002
     ) -> Finetuned:
-        """Confirm components; one that is confirmed near a hidden component is that component, seen again."""
+        """Confirm components; one confirmed near a hidden component takes over that component's identity."""
         joint, sources = self.joint, sources_of(mixture)
         if len(sources) == 0:
             return Finetuned(mixture, moments=moments)
@@ -232,7 +232,7 @@ class JointUpdate:
     def _learned_from_hits(
         self, sources: Sources, moments: Moments, marginals: Marginals, was_hit: BoolArray, situation: Situation
     ) -> Sources:
-        """Take in what the detections say of noise and sizes."""
+        """Learn noise and sizes from the detections."""
         hit, sizes = np.flatnonzero(was_hit), situation.scan.detections.sizes
         if len(hit) == 0:
             return sources
@@ -253,7 +253,7 @@ class JointUpdate:
         return posterior, float(effective_size.mean() / particles)
 
     def _learn(self, updated: Updated, learned: FalseObjects, dt_s: float) -> None:
-        """Let what the scan says of the sensor and of sources hold from the next scan on."""
+        """Learn about sensor and sources from the scan, for the next scan on."""
         known = replace(self.known, reach=updated.reach or self.known.reach, false_objects=learned)
         if updated.false_detections is not None:
             known = known.with_clutter(updated.false_detections, dt_s, self.joint.association.clutter_memory_s)
@@ -261,7 +261,7 @@ class JointUpdate:
 
 
 def _relative_clutter(detections: Detections, options: JointAssociation) -> FloatArray:
-    """Return by how much scores make clutter denser or thinner at each detection, shape (d,).
+    """Return the factor on the clutter density at each detection's score, shape (d,).
 
     Scaling all weights of a detection changes no marginal, so that those of clutter and newborn vehicles, 1 and b times
     the odds, are brought to a sum of 1 + b.

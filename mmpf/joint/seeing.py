@@ -63,7 +63,7 @@ def sightings_of(
     situation: Situation,
     options: JointOptions,
 ) -> Sightings:
-    """Return what the sensor would make of a source of full detectability at each component's place, and what it made.
+    """Return the expected detection of a fully detectable source at each component's place, and the actual one.
 
     Args:
         prior: The belief before the scan.

@@ -16,7 +16,7 @@ QUEUE_M = 50.0
 
 
 def stopped_shares(moments: Moments, road: Road, options: JointSpeeds) -> FloatArray | float:
-    """Return which share of vehicles stands where each component is: shape (m,) where stop lines are known."""
+    """Return the share of vehicles that stands where each component is: shape (m,) where stop lines are known."""
     to_line = road.to_stop_line_m(moments.mean[LON], moments.mean[LAT], moments.heading_rad)
     if to_line is None:
         return options.stopped_in_plane if road.has_headings else options.stopped_on_road
@@ -24,7 +24,7 @@ def stopped_shares(moments: Moments, road: Road, options: JointSpeeds) -> FloatA
 
 
 def stood_log_after(before: FloatArray, moments: Moments, options: JointSpeeds) -> FloatArray:
-    """Return how well the speeds so far fit one that always stood, shape (m,); those hardly known say nothing.
+    """Return the log likelihood that each source always stood, given its speeds so far, shape (m,); 0 if unknown.
 
     Args:
         before: The same before this scan, shape (m,).

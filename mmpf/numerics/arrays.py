@@ -33,7 +33,7 @@ def taken(rows: Rows, index: IntArray | BoolArray) -> Rows:
 
 
 def turned(x: FloatArray, y: FloatArray, turn_rad: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """Return differences in x and y as differences along and across a direction that is turned to the left."""
+    """Return differences in x and y as differences along and across a heading."""
     cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
     return x * cosine + y * sine, y * cosine - x * sine
 

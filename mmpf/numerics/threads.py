@@ -17,7 +17,7 @@ LEAST_SHARE = 4096
 
 
 def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, block: int = 1) -> None:
-    """Call ``work(begin, end)`` for ranges that cover ``0 ... size``, on several cores where that pays.
+    """Call ``work(begin, end)`` for ranges that cover ``0 ... size``, on several cores if that is faster.
 
     There are at most ``threads()`` shares. The work on a range must depend on nothing outside it, and let go of the
     interpreter's lock.
@@ -41,7 +41,7 @@ def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, bl
 
 
 def threads() -> int:
-    """Return on how many threads the filter's own loops work: the variable ``MMPF_THREADS``, 1 to 4, by default 1.
+    """Return the number of threads in the filter's own loops: the variable ``MMPF_THREADS``, 1 to 4, by default 1.
 
     A second one makes a step some per cent faster on an idle machine and slower on a busy one.
     """
@@ -54,7 +54,7 @@ def threads() -> int:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keep linear algebra libraries on one thread while the block runs, and leave them as they were.
+    """Restrict linear algebra libraries to one thread while the block runs.
 
     The filter's matrix products are small: a second thread costs more than it gives, and where other processes hold the
     cores each product waits for it.
@@ -65,7 +65,7 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """Return those that the filter's products are made by; looked up once, which takes longer than a product."""
+    """Return the libraries of the filter's products; looked up once because that takes longer than a product."""
     return ThreadpoolController()
 
 

@@ -20,7 +20,7 @@ ROUNDS = 10
 def recluster(
     mixture: Mixture, moments: Moments, options: PaperReclustering, rng: np.random.Generator
 ) -> tuple[Mixture, int]:
-    """Deal the particles of touching components out to their nearest medoids.
+    """Reassign the particles of touching components to their nearest medoids.
 
     k stays the number of components and the medoids start from the components' own, so that each cluster inherits
     the identity of the component that it grew from. The distribution is unchanged: only the component index moves.

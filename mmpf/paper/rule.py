@@ -48,15 +48,15 @@ class MaxLikelihoodUpdate:
         return Reach.of_data_sheet(self.sensor.range_m)
 
     def motion(self, model: MotionModel) -> MotionModel:
-        """Let particles move as the model says."""
+        """Move particles by the model alone."""
         return model
 
     def model_error(self, model: MotionModel) -> ModelErrorOptions:  # noqa: ARG002
-        """Add noise to whatever the model says: resampling copies particles."""
+        """Add noise to the model's prediction because resampling copies particles."""
         return self.options.model_error.with_speed()
 
     def prepare(self, scan: Scan) -> Scan:
-        """Take the scan as it is."""
+        """Return the scan unchanged."""
         return scan
 
     def first(self, count: int) -> Components:
@@ -65,7 +65,7 @@ class MaxLikelihoodUpdate:
         return Components.newborn(1 + np.arange(count), existence, self.options.vehicle)
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
-        """Take the sensor's word for which components are completely occluded, or else the tracks' shadows."""
+        """Use the sensor's statement on which components are completely occluded, or else the tracks' shadows."""
         plane, free_space, mean = situation.plane, situation.scan.free_space, moments.mean
         bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.heading_rad)
         if free_space is not None:
@@ -239,7 +239,7 @@ def _log_sums(log_values: FloatArray, mixture: Mixture) -> FloatArray:
 
 
 def _merge_overlaps(mixture: Mixture, options: PaperMerging, hidden_after_s: float) -> tuple[Mixture, int]:
-    """Pool the particles of components whose means overlap under one identity; which one, the options say."""
+    """Pool the particles of components whose means overlap under one identity, chosen by an option."""
     if len(mixture) < 2:
         return mixture, 0
     mean = component_moments(mixture).mean

@@ -17,7 +17,7 @@ from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 
 def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions, sensor: SensorModel) -> Tracks:
-    """Return mean and spread of each component as a track, but for hidden ones that are spread too widely.
+    """Return mean and spread of each component as a track, except hidden ones that are spread too widely.
 
     What drifts of the sensor's noise can't be told from the vehicle's place, nor its rate from the vehicle's speed:
     both are added to the spread.

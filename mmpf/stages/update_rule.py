@@ -41,7 +41,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class Occlusion:
-    """What is known, before looking at the detections, of whether components can be seen.
+    """The visibility of components, known before looking at the detections.
 
     Attributes:
         detection_probability: Of each particle, shape (n,).
@@ -55,7 +55,7 @@ class Occlusion:
 
 @dataclass(frozen=True)
 class Updated:
-    """The belief after the measurement update, and what the later stages need to know of it.
+    """The belief after the measurement update, with what later stages need of it.
 
     Attributes:
         mixture: The belief.
@@ -124,7 +124,7 @@ class UpdateRule(Protocol):
         ...
 
     def motion(self, model: MotionModel) -> MotionModel:
-        """Return how particles move: the model, and what the rule lets them try beside it."""
+        """Return how particles move: the model, and what the rule adds to it."""
         ...
 
     def model_error(self, model: MotionModel) -> ModelErrorOptions:
@@ -132,15 +132,15 @@ class UpdateRule(Protocol):
         ...
 
     def prepare(self, scan: Scan) -> Scan:
-        """Return the scan as the rule believes it."""
+        """Return the scan as the rule uses it."""
         ...
 
     def first(self, count: int) -> Components:
-        """Return the components of the first scan, of which nothing is known beforehand: "Initialization"."""
+        """Return the components of the first scan, without prior knowledge: "Initialization"."""
         ...
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
-        """Say which components can't be seen: "Complete occlusion assertion"."""
+        """Compute which components cannot be seen: "Complete occlusion assertion"."""
         ...
 
     def measurement_update(
@@ -159,11 +159,11 @@ class UpdateRule(Protocol):
         ...
 
     def finetune(self, mixture: Mixture, moments: Moments, situation: Situation, rng: np.random.Generator) -> Finetuned:
-        """Settle which particle and which identity belongs to which component: "Finetune"."""
+        """Decide which particle and which identity belongs to which component: "Finetune"."""
         ...
 
     def weight_update(self, mixture: Mixture) -> Mixture:
-        """Compute particle and component weights anew: "Weight update"."""
+        """Recompute particle and component weights: "Weight update"."""
         ...
 
 

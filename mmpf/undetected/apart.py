@@ -50,7 +50,7 @@ class Apart:
 
     @property
     def _there(self) -> BoolArray:
-        """Which vehicles are known, the ego the last."""
+        """The known vehicles, the ego last."""
         return np.append(self.known, True)
 
     def flow_mps(self, length_m: float) -> FloatArray:

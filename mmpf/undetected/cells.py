@@ -21,7 +21,7 @@ BEYOND_SECTION_M = 300.0
 
 @dataclass(frozen=True)
 class LaneCells:
-    """Pieces of all lanes, those of a lane one after the other in driving direction; arrays of shape (n,).
+    """Pieces of all lanes in driving direction, lane by lane; arrays of shape (n,).
 
     Attributes:
         lane: Number of the lane: on a road frame the lane's own, on a graph the index plus one.
@@ -136,7 +136,7 @@ def _(road: LaneGraphRoad) -> tuple[LaneCells, Links]:
 
 
 def _before_stop(graph: LaneGraph, lane: IntArray, along_m: FloatArray) -> FloatArray:
-    """Return how far places are from the next stop line, infinite within junctions, where nobody queues, shape (n,)."""
+    """Return the distance to the next stop line, infinite within junctions because nobody queues there, shape (n,)."""
     return np.where(graph.in_junction[lane], np.inf, graph.length_m[lane] - along_m + graph.to_stop_line_m[lane])
 
 
@@ -159,7 +159,7 @@ def _within_lanes(of_lane: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def _in_stretches(of_lane: IntArray) -> dict[str, IntArray]:
-    """Return the number of each cell's stretch and how many cells that has, each (n,), by name."""
+    """Return each cell's stretch and the stretch's number of cells, each (n,), by name."""
     begins = np.append(True, of_lane[1:] != of_lane[:-1])[: len(of_lane)]
     number = np.arange(len(of_lane))
     since = number - np.maximum.accumulate(np.where(begins, number, 0)) if len(of_lane) else number

@@ -37,7 +37,7 @@ LONGEST_STEP_S, MOST_STEPS, MOST_EXCHANGED = 0.1, 100, 0.2
 
 
 class UnseenOptions(Settings):
-    """Settings of the expected number of unseen vehicles; chosen on tuning seeds."""
+    """Settings of the expected number of undetected vehicles; chosen on tuning seeds."""
 
     density_per_km: Positive = 20.0
     """Vehicles per kilometre of lane before any traffic was seen."""
@@ -82,7 +82,7 @@ class UnseenOptions(Settings):
 
 @dataclass(frozen=True)
 class Unseen:
-    """How many vehicles without a track are expected in each piece of lane within the sensor's range.
+    """The expected number of vehicles without a track on each piece of lane within the sensor's range.
 
     Attributes:
         cells: The pieces of lane.
@@ -95,7 +95,7 @@ class Unseen:
 
 @dataclass
 class UnseenTraffic:
-    """Keeps the expected number of unseen vehicles from scan to scan.
+    """Updates the expected number of undetected vehicles from scan to scan.
 
     The field is kept in metres of lane on which traffic is as dense as usual, so that it follows while that density is
     learned; in two rows, vehicles that the sensor may detect and vehicles that it misses in a run.
@@ -124,7 +124,7 @@ class UnseenTraffic:
         self._phase_m = np.zeros(int(self._cells.lane.max(initial=0)) + 1)
 
     def step(self, scan: Scan, tracks: Tracks, reach: Reach | None = None) -> Unseen:
-        """Take in a scan and the tracks after it.
+        """Process a scan and the tracks after it.
 
         Args:
             scan: What the sensor saw.
@@ -159,11 +159,11 @@ class UnseenTraffic:
 
     @property
     def density_per_km(self) -> float:
-        """Vehicles per kilometre of lane, seen and unseen ones, as learned so far."""
+        """Learned number of vehicles, seen and unseen, per kilometre of lane."""
         return 1e3 * self._density_per_m
 
     def _drive_on(self, near: IntArray, speed_mps: FloatArray, dt_s: float) -> None:
-        """Let the field flow along the lanes and spread; what lies outside of the range is as usual."""
+        """Move the field along the lanes and spread it; beyond the range it has the mean density."""
         lanes = len(self._phase_m)
         total = np.bincount(self._cells.lane[near], speed_mps, minlength=lanes)
         speeds = total / np.maximum(np.bincount(self._cells.lane[near], minlength=lanes), 1)
@@ -189,7 +189,7 @@ class UnseenTraffic:
         return np.stack([everybody - missed, missed])
 
     def _moving(self, driven_m: FloatArray) -> BoolArray:
-        """Return from which cells traffic moves on to the next: as soon as a lane's has driven so far.
+        """Return the cells whose traffic moves on: those of lanes that have travelled one cell.
 
         Moved by shares of a cell it would spread out within seconds.
         """
@@ -200,7 +200,7 @@ class UnseenTraffic:
         return np.asarray(moves)
 
     def _moved_on(self, field_m: FloatArray, usual_m: FloatArray, moves: BoolArray) -> FloatArray:
-        """Return a field after the traffic of some cells has moved on; where lanes begin comes in what is usual."""
+        """Return a field after the traffic of some cells has moved; the mean density enters where lanes begin."""
         cells, links = self._cells, self._links
         leaving = np.where(moves, field_m, 0.0)
         arriving = np.bincount(links.target, leaving[links.source] * links.share, minlength=len(cells))
@@ -208,7 +208,7 @@ class UnseenTraffic:
         return np.asarray(field_m + arriving - leaving)
 
     def _spread(self, field_m: FloatArray, dt_s: float) -> FloatArray:
-        """Return the field after neighbouring cells have exchanged traffic, the more the more they differ in it."""
+        """Return the field after diffusion between neighbouring cells."""
         links, usual = self._links, self._usual_m
         share = min(self.options.spread_m2_per_s * dt_s / CELL_M**2, MOST_EXCHANGED)
         dense = field_m / usual
@@ -218,7 +218,7 @@ class UnseenTraffic:
         return np.asarray(field_m - given + np.bincount(links.target, exchanged, minlength=len(field_m)))
 
     def _take_in(self, near: IntArray, lost: Tracks) -> None:
-        """Add the vehicles whose tracks were let go to the field, spread as wide as their tracks were."""
+        """Add the vehicles of removed tracks to the field, spread as widely as their tracks."""
         if not len(lost) or not len(near):
             return
         cells = taken(self._cells, near)
@@ -230,7 +230,7 @@ class UnseenTraffic:
         self._field_m[:, near] += self._by_run * gained
 
     def _overlooked(self, cells: LaneCells, apart: Apart, plane: SensorPlane, reach: Reach | None) -> FloatArray:
-        """Return the probability that the sensor, in no run of misses, has overlooked a vehicle in each cell, (n,)."""
+        """Return the probability that the sensor, outside a run of misses, has missed a vehicle in each cell, (n,)."""
         options, tracks = self.options, apart.tracks
         size = len(tracks) + 1
         turn = self.road.axis_of(np.append(apart.heading_rad, 0.0))
@@ -262,6 +262,6 @@ class UnseenTraffic:
 
 
 def _let_go(before: Tracks, now: Tracks) -> Tracks:
-    """Return the hidden tracks that are there no more."""
+    """Return the hidden tracks that have been removed."""
     still = (before.track_id[:, None] == now.track_id).any(axis=1)
     return taken(before, (before.state == HIDDEN) & ~still)

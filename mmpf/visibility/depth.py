@@ -78,7 +78,7 @@ def depth_table(
 
 
 def headings_in_plane(plane: SensorPlane, lon_m: FloatArray, bodies: Bodies) -> FloatArray:
-    """Return where bodies point against the plane's x axis, shape (m,)."""
+    """Return the bodies' headings against the plane's x axis, shape (m,)."""
     along_the_road = plane.heading_rad(lon_m)
     return along_the_road if bodies.turn_rad is None else along_the_road + bodies.turn_rad
 
@@ -95,7 +95,7 @@ def _cast_walls(plane: SensorPlane, depth: FloatArray, caster: IntArray) -> None
 
 @kernel()
 def _put_before(surface: FloatArray, depth: FloatArray, caster: IntArray) -> None:
-    """Take nobody's surfaces, one a sector, in among the two nearest of each sector."""
+    """Insert surfaces that belong to no component, one a sector, among the two nearest of each sector."""
     for k in range(len(surface)):
         if surface[k] < depth[0, k]:
             depth[1, k], caster[1, k] = depth[0, k], caster[0, k]

@@ -45,7 +45,7 @@ def detection_probabilities(
 
 
 def in_plain_view(sensor: SensorModel, reach_shares: FloatArray) -> FloatArray:
-    """Return the probability that a vehicle in plain view is detected, given what remains of the data sheet's."""
+    """Return the detection probability of a vehicle in plain view, given the remaining share of the data sheet's."""
     promised = sensor.detection_probability
     return np.minimum(promised * reach_shares, max(promised, LARGEST_LEARNED))
 

@@ -38,12 +38,12 @@ def share_in_field(
 
 
 def half_widths(length_m: FloatArray, width_m: FloatArray) -> FloatArray:
-    """Return half the extent of vehicles of some sizes across the line of sight, whichever way they point, (m,)."""
+    """Return half the extent of vehicles across the line of sight for any heading, (m,)."""
     return np.asarray(0.25 * (length_m + width_m))
 
 
 def worth_at_edge(in_field: FloatArray, sensor: SensorModel, hidden_probability: float) -> FloatArray:
-    """Return what remains of detection probabilities at the edge of the field of view, the shape of ``in_field``.
+    """Return the factor on detection probabilities at the edge of the field of view, the shape of ``in_field``.
 
     Args:
         in_field: Share of each vehicle in the field of view.

@@ -26,7 +26,7 @@ def run_expected(missed: FloatArray, share: float, run_s: float, dt_s: float) ->
 
 
 def run_after_scan(expected: FloatArray, not_seen: FloatArray, claimed: FloatArray) -> FloatArray:
-    """Return the probability of a run after a scan, by Bayes' rule: no detection comes out of a run, shape (m,).
+    """Return the probability of a run after a scan by Bayes' rule: a detection ends any run, shape (m,).
 
     Args:
         expected: The probability before the scan, shape (m,).

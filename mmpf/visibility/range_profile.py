@@ -23,7 +23,7 @@ AS_PROMISED = np.ones(RINGS)
 
 @dataclass(frozen=True)
 class Reach:
-    """What is detected at each distance, against what the data sheet promises.
+    """Detections at each distance relative to the data sheet.
 
     Attributes:
         ring_m: Width of a ring.
@@ -37,7 +37,7 @@ class Reach:
 
     @classmethod
     def of_data_sheet(cls, range_m: float) -> Self:
-        """Return what is known beforehand: nothing that contradicts the data sheet."""
+        """Return the initial counts: nothing contradicts the data sheet."""
         return cls(range_m / RINGS, np.zeros(RINGS), np.zeros(RINGS))
 
     def shares(self, prior_scans: float) -> FloatArray:

@@ -109,7 +109,7 @@ def _fraction_of_all(
     caster: IntArray,
     outline: tuple[float, float, float, float],
 ) -> float:
-    """Return 1 if nothing stands before the box around a whole component, 0 if all of it lies in shadow, else -1.
+    """Return 1 if nothing is before the box around a whole component, 0 if all of it is in shadow, else -1.
 
     Exact: where it says 1 or 0, every ray of every particle would.
     """
@@ -152,7 +152,7 @@ def _fraction_of_each(
     outline: tuple[float, float, float, float],
     fraction: FloatArray,
 ) -> None:
-    """Look up each particle's own rays."""
+    """Look up the rays of each particle."""
     sectors = depth.shape[1]
     per_radian = sectors / (2.0 * np.pi)
     nearest, behind, nearest_caster = depth[0], depth[1], caster[0]

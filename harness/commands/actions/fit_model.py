@@ -17,7 +17,7 @@ from harness.truth.network.network import load_network
 
 
 def fit_model(options: Mapping[str, Any]) -> None:
-    """Do what the options of ``train`` ask for; raises ``InputError`` where they are wrong."""
+    """Run ``train`` with the given options; raises ``InputError`` where they are wrong."""
     case = options["case"]
     seeds = options["seeds"] or {"lane-change": "1000:1003"}.get(case, "1000:1002")
     traffic = seed_values(seeds)

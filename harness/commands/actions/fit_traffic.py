@@ -16,7 +16,7 @@ from harness.truth.network.network import load_network
 
 
 def fit_traffic(options: Mapping[str, Any]) -> None:
-    """Do what the options of ``calibrate`` ask for; raises ``InputError`` where they are wrong."""
+    """Run ``calibrate`` with the given options; raises ``InputError`` where they are wrong."""
     net, write, out, quiet = options["net"] or "us101", options["write"], options["out"], options["quiet"]
     network = load_network(net)
     if network.calibration_file is None and write:

@@ -17,7 +17,7 @@ from harness.truth.network.network import load_network
 
 
 def judge_traffic(options: Mapping[str, Any]) -> None:
-    """Do what the options of ``fidelity`` ask for; raises ``InputError`` where they are wrong."""
+    """Run ``fidelity`` with the given options; raises ``InputError`` where they are wrong."""
     demand, out, quiet = options["demand"], options["out"], options["quiet"]
     network = load_network(options["net"] or "us101")
     request = FidelityRequest(

@@ -52,6 +52,6 @@ def _write_pages(finished: FinishedDrives, quiet: bool) -> None:
 
 
 def tell(finished: FinishedDrives) -> None:
-    """Print the answers and the table of all episodes on stderr, and where the rest is."""
+    """Print the results and the table of all episodes on stderr, and the paths of other files."""
     show_markdown("\n## ".join(finished.text.split("\n## ")[:2]), on_stderr=True)
     sys.stderr.write(f"By kind of episode, with each collision: {finished.folder / PAGE}\n")

@@ -38,7 +38,7 @@ ABLATION_S = 30.0
 
 
 def make_study_of(options: Mapping[str, Any]) -> None:
-    """Make the study that the options of ``study`` ask for.
+    """Make the study that the options of ``study`` describe.
 
     Raises:
         InputError: There is no such study, network or model.
@@ -92,7 +92,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class _Told:
-    """What a study says on stdout, for programs and for people."""
+    """A study's output on stdout, for programs and for people."""
 
     numbers: dict[str, Any]
     text: str

@@ -16,7 +16,7 @@ from harness.lab.bench import BenchPlan, run_bench
 
 
 def measure(options: Mapping[str, Any]) -> None:
-    """Do what the options of ``bench`` ask for; raises ``InputError`` where they are wrong."""
+    """Run ``bench`` with the given options; raises ``InputError`` where they are wrong."""
     out, quiet = options["out"], options["quiet"]
     plan = BenchPlan(
         vehicles=_counts(options["vehicles"]),

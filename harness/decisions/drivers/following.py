@@ -29,7 +29,7 @@ def free_acceleration(speed_mps: FloatArray, desired_mps: FloatArray, parameters
 
 
 def interaction(speed_mps: FloatArray, other: Others, parameters: IdmParameters) -> FloatArray:
-    """Return the braking, positive, that one vehicle ahead asks for; 0 where there is nobody, shape (n,)."""
+    """Return the braking, positive, caused by one vehicle ahead; 0 where there is none, shape (n,)."""
     scale = 2.0 * np.sqrt(parameters.max_accel_mps2 * parameters.comfortable_decel_mps2)
     closing = speed_mps * (speed_mps - other.speed_mps) / scale
     wanted = parameters.standstill_gap_m + np.maximum(speed_mps * parameters.time_headway_s + closing, 0.0)
@@ -44,7 +44,7 @@ def following(belief: Belief, leader: Others, parameters: IdmParameters = PARAME
 
 
 def follower_acceleration(belief: Belief, follower: Others, ahead: Others | None) -> FloatArray:
-    """Return the acceleration of somebody behind: of the ego if ``ahead`` is None, else of that vehicle, shape (n,)."""
+    """Return the acceleration of a follower: the ego if ``ahead`` is None, else that vehicle, shape (n,)."""
     before = Others(follower.gap_m, belief.speed_mps, follower.body) if ahead is None else ahead
     free = free_acceleration(follower.speed_mps, desired_speeds(belief), PARAMETERS)
     return np.maximum(free - interaction(follower.speed_mps, before, PARAMETERS), -HARDEST_BRAKING_MPS2)

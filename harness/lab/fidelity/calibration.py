@@ -27,7 +27,7 @@ SKIP_S = 30.0
 
 @dataclass(frozen=True)
 class CalibrationRequest:
-    """What the user asks for.
+    """The request of a calibration.
 
     Attributes:
         fields: Folder of the recorded fields; None to take the figures that travel with the network.

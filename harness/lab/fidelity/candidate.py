@@ -247,7 +247,7 @@ def _improved_demand(
 def _improved_ramps(
     demand: DemandFile, simulated: PeriodStatistics, measured: PeriodStatistics, step: float
 ) -> tuple[float | None, float | None]:
-    """Return ramp flows that bring the last quarter's flow, less the first one's, nearer to the measured."""
+    """Return ramp flows that move the flow gained along the road towards the measured one."""
     if demand.on_ramp_veh_per_h is None or demand.off_ramp_veh_per_h is None:
         return demand.on_ramp_veh_per_h, demand.off_ramp_veh_per_h
     gains = [entry.quarter_flow_veh_per_h[-1] - entry.quarter_flow_veh_per_h[0] for entry in (measured, simulated)]

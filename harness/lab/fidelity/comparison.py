@@ -22,7 +22,7 @@ from harness.truth.network.network import Network
 
 @dataclass(frozen=True)
 class FidelityRequest:
-    """What the user asks for.
+    """The request of a comparison with measured traffic.
 
     Attributes:
         demands: Demands to be compared; none for all that were measured.

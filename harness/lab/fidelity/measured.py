@@ -94,7 +94,7 @@ def read_measured(network: Network) -> MeasuredSite:
 
 
 def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:
-    """Return the site with the figures of every period made anew from its fields.
+    """Return the site with the figures of every period recomputed from its fields.
 
     Raises:
         InputError: The fields end before the last period does.
@@ -108,7 +108,7 @@ def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:
 
 
 def measure_vehicles(site: MeasuredSite, recordings: Sequence[Path], net: str) -> MeasuredSite:
-    """Return the site with the figures of its vehicles made anew from recordings; as it is if there are none.
+    """Return the site with the figures of its vehicles recomputed from recordings; unchanged without any.
 
     Raises:
         InputError: A recording is missing or broken.

@@ -75,7 +75,7 @@ class Samples:
 
     @property
     def changes_per_km(self) -> float:
-        """Lane changes per vehicle and kilometre; nan if nobody travelled."""
+        """Lane changes per vehicle and kilometre; nan without any travel."""
         return self.lane_changes / self.vehicle_km if self.vehicle_km > 0.0 else float("nan")
 
     def statistics(self) -> VehicleStatistics:
@@ -186,7 +186,7 @@ SUFFIXES = (".xml", ".csv", ".txt", ".gz")
 
 
 def recording_files(paths: Sequence[Path]) -> tuple[Path, ...]:
-    """Return the files that are meant by files and folders of them.
+    """Return the recordings in files and folders.
 
     Raises:
         InputError: A path does not exist or a folder holds no recording.
@@ -213,7 +213,7 @@ def recorded_samples(files: Iterable[Path], net: str) -> Samples:
 
 
 def whole_recording(path: Path, net: str | None = None) -> RecordedTraffic:
-    """Return all traffic of a file, on the network of a name where the file brings no road.
+    """Return all traffic of a file, on the named network where the file has no road.
 
     Raises:
         InputError: It is no recording, is broken, or is of more than one road.

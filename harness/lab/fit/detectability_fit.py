@@ -60,7 +60,7 @@ def without_long_runs(found: BoolArray) -> BoolArray:
 
 
 def recalls_of(drives: Sequence[Drive], *, long_runs: bool = False) -> Recalls:
-    """Return what was found of the vehicles in plain view of some drives, misses in long runs among it if asked for."""
+    """Return each vehicle's recall in plain view over some drives, with or without misses in long runs."""
     rows: list[tuple[int, int]] = []
     for drive in drives:
         labels, ego = drive.labels, drive.ego

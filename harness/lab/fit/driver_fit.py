@@ -115,7 +115,7 @@ def driver_habit(led: Following) -> FloatArray:
 
 
 def situation_columns(led: Following) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return what a driver's situation is made of, in the order of ``situation``, each (windows, steps)."""
+    """Return the inputs of a driver's situation, in the order of ``situation``, each (windows, steps)."""
     return led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2
 
 

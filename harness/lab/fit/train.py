@@ -188,7 +188,7 @@ def _train_keeping(
 
 
 def _train_follower(plan: TrainingPlan, net: Network, windows: Following, held_out: Following, say: Say) -> list[Path]:
-    """Fit a follower that is no mixture; in all else its model is the committed learned driver."""
+    """Fit a follower that is no mixture; everything else is taken from the committed learned driver."""
     led = windows.take(np.flatnonzero(windows.has_leader))
     say(f"{len(windows)} windows of 10 s, {len(led)} of them behind a leader")
     path = plan.out / f"{plan.case}.npz"

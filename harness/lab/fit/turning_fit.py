@@ -138,7 +138,7 @@ def _lateral_mps2(driven: DrivenMap) -> FloatArray:
 
 
 def _at_lines_mps(driven: DrivenMap) -> FloatArray:
-    """Return how fast those came to a line who did not have to stop before it, (stays,)."""
+    """Return the speed at a line of those who did not have to stop before it, (stays,)."""
     moments = driven.moments
     before = moments.take(_gives_way(driven) & (moments.to_end_m < BEFORE_LINE_M))
     _, some, stay = np.unique(before.driver * len(driven.graph) + before.lane, return_index=True, return_inverse=True)

@@ -32,7 +32,7 @@ OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """What a study is to be made of.
+    """The plan of a study.
 
     Attributes:
         study: ``lane-keeping`` or ``lane-change``.
@@ -124,7 +124,7 @@ def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None])
 
 
 def _model(plan: StudyPlan, name: str) -> MotionModel:
-    """Return a model as the study needs it: the paper's cases tell a vehicle that keeps its lane that it does."""
+    """Return a model as the study needs it: in the paper's cases, models know that a vehicle keeps its lane."""
     model = load_learned_driver(plan.model_file) if plan.model_file and name == "gmm" else motion_models[name]()
     if plan.study == LANE_KEEPING and isinstance(model, LearnedDriver):
         return without_lane_changes(model)

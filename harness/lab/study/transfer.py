@@ -62,7 +62,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class TransferPlan:
-    """What the study is to be made of.
+    """The plan of the transfer study.
 
     Attributes:
         real_data: Folder of real recordings.

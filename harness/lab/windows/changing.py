@@ -99,7 +99,7 @@ def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) ->
 
 
 def _made_of(parts: Sequence[LaneChanges], make: Callable[[list[FloatArray], int], FloatArray]) -> LaneChanges:
-    """Return windows whose every column is made of the parts' columns, given which of its axes runs over windows."""
+    """Return windows whose columns join the parts' columns, given which of their axes runs over windows."""
 
     def others(name: str) -> Others:
         sides = [getattr(part, name) for part in parts]

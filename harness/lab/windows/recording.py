@@ -70,7 +70,7 @@ def record_all(
     open_scenario: Callable[[Scenario], TruthSource],
     progress: Callable[[str], None],
 ) -> list[Path]:
-    """Record every scenario that has no file yet; an interrupted run goes on where it stopped.
+    """Record every scenario that has no file yet; an interrupted run can be resumed.
 
     Args:
         scenarios: What to record.

@@ -68,7 +68,7 @@ def ask(
     rows: RunRows,
     settings: ScoringSettings,
 ) -> Asked:
-    """Ask the driver.
+    """Return the driver's commands.
 
     A track counts as a vehicle from an existence of one half on; for one with less the driver slows down gently. The
     first seconds of each ego are not judged: no tracker can know the traffic yet.

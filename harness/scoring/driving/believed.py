@@ -22,7 +22,7 @@ HEADING_S, HEADING_M = 0.5, 0.5
 
 
 def egos_of(truth: pd.DataFrame, rows: RunRows) -> tuple[Egos, BoolArray]:
-    """Return the ego at each step, shape (steps,), and at which steps there is one; elsewhere its place is nan."""
+    """Return the ego at each step, shape (steps,), and the steps with an ego; elsewhere its place is nan."""
     table = truth[truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step")
     steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
     at = np.searchsorted(steps, table["step"].to_numpy(dtype=np.int64))
@@ -57,7 +57,7 @@ def true_bodies(truth: pd.DataFrame, rows: RunRows) -> Bodies:
 
 
 def tracked_bodies(detections: pd.DataFrame, rows: RunRows, egos: Egos, settings: ScoringSettings) -> Bodies:
-    """Return the reported tracks, in the order of ``TrackRows``; one that tells no speed is as fast as the ego."""
+    """Return the reported tracks in the order of ``TrackRows``; a track without speed gets the ego's speed."""
     tracks = rows.tracks
     order = np.lexsort((tracks.step, tracks.track))
     length, width = _measured_so_far(detections, rows, order, settings)
@@ -100,7 +100,7 @@ def _sum_so_far(values: FloatArray, group: IntArray) -> FloatArray:
 
 
 def _headings(rows: RunRows, order: IntArray) -> FloatArray:
-    """Return where each track has been going over the last half second, nan where it hardly moved, shape (m,)."""
+    """Return each track's direction of motion over the last half second, nan where it hardly moved, shape (m,)."""
     tracks = rows.tracks
     group, time_s = tracks.track[order], rows.time_s[tracks.step[order]]
     # Times grow within a track, and a track's rows stand together: one search finds each row's beginning.

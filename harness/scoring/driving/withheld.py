@@ -23,7 +23,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class WithheldAhead:
-    """Whether the tracker withholds whom the ego minds, at each step, shape (steps,).
+    """Whether the tracker withholds the ego's leader at each step, shape (steps,).
 
     Attributes:
         decisive: The vehicle without which the driver would brake least is withheld.

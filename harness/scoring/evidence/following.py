@@ -42,7 +42,7 @@ class Following:
 
 
 def once_seen(rows: RunRows, history: DetectionHistory, settings: ScoringSettings) -> BoolArray:
-    """Return which vehicles a tracker is asked for, shape (n,): detections decide, no tracker has a say.
+    """Return which vehicles count for trackers, shape (n,): detections decide, not tracks.
 
     These are the vehicles in range that have been detected ``in_sight_detections`` times, the last time at most
     ``memory_s`` ago.

@@ -19,7 +19,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 @dataclass(frozen=True)
 class PlainView:
-    """The vehicle-steps in plain view, arrays of shape (n,) along ``TruthRows`` unless told otherwise.
+    """The vehicle-steps in plain view, arrays of shape (n,) along ``TruthRows`` unless stated otherwise.
 
     Attributes:
         near: In plain view (visible to the sensor's full-view fraction or more, within its range) and near the ego:

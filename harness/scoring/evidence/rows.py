@@ -102,7 +102,7 @@ class TrackRows:
 
 @dataclass(frozen=True)
 class DetectionRows:
-    """All detections as a tracker gets them, and where they came from; arrays of shape (d,).
+    """All detections as trackers receive them, with their origins; arrays of shape (d,).
 
     Attributes:
         step: Index of the step among the run's steps.
@@ -228,7 +228,7 @@ def _hidden_by_wall(truth: pd.DataFrame, rows: IntArray) -> BoolArray | None:
 
 
 def _windows(truth: pd.DataFrame, first_row: IntArray, edge_m: float) -> FloatArray | None:
-    """Return where what is known of the road begins and ends at each step, shape (2, steps); None for everywhere."""
+    """Return where the known road begins and ends at each step, shape (2, steps); None for everywhere."""
     if not {"window_start_m", "window_end_m"} <= set(truth):
         return None
     start_m, end_m = (_floats(truth, name)[first_row] for name in ("window_start_m", "window_end_m"))

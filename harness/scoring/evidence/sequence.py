@@ -43,7 +43,7 @@ class MotSequence:
 
 @dataclass(frozen=True)
 class Selection:
-    """Rows of the run that a sequence is made of.
+    """The rows of the run in a sequence.
 
     Attributes:
         truth: Which truth rows count, shape (n,).

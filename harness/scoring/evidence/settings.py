@@ -84,7 +84,7 @@ class ScoringSettings:
     existence_track_steps: int = 200
 
     def __post_init__(self) -> None:
-        """Refuse a GOSPA cut-off beyond the distance up to which vehicles and tracks are compared at all."""
+        """Refuse a GOSPA cut-off beyond the distance up to which vehicles and tracks are compared."""
         if self.gospa_cutoff_m > 2.0 * min(self.gate_lon_m, self.gate_lat_m):
             raise ValueError(f"gospa_cutoff_m={self.gospa_cutoff_m} must be at most twice the smaller gate")
 

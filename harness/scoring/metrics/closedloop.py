@@ -97,7 +97,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Crossed:
-    """What came of the first place on the ego's way where it must yield.
+    """The outcome of the first place on the ego's route where it must yield.
 
     Attributes:
         entered_s: When its front came to the place, since the hand-over; None for never.

@@ -125,7 +125,7 @@ def lateness(asked: Asked, episode: IntArray, settings: ScoringSettings) -> Floa
 
 
 def collision_time_errors(asked: Asked, settings: ScoringSettings) -> FloatArray:
-    """Return absolute errors of the time to collision with whoever is right ahead, where it is short, shape (k,)."""
+    """Return absolute errors of the time to collision with the vehicle ahead, where it is short, shape (k,)."""
     true_s, believed_s = (
         np.minimum(_to_collision(decision), settings.longest_collision_time_s)
         for decision in (asked.truth, asked.tracks)

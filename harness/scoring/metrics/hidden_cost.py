@@ -48,7 +48,7 @@ class CostSums:
 
 @dataclass(frozen=True)
 class HiddenPart:
-    """What is known of hidden vehicles in a stretch.
+    """Sums over hidden vehicles in one part of a run.
 
     Attributes:
         cost: Distances to the tracks that follow them.
@@ -88,7 +88,7 @@ def measure_hidden(evidence: Evidence) -> HiddenPart:
 
 
 def cost_of_hidden(parts: Sequence[HiddenPart], basis: Basis) -> dict[str, object]:
-    """Score what is known of the vehicles that are hidden after they were seen.
+    """Score the knowledge about vehicles that are hidden after they were seen.
 
     Returns:
         ``hidden_cost_m``: mean of the distance to the track that follows the vehicle (``following``)

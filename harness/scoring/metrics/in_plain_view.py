@@ -51,7 +51,7 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class PlainViewPart:
-    """What became of the vehicles in plain view in a stretch, arrays of shape (vehicles,) unless told otherwise.
+    """Tracks of vehicles in plain view in one part of a run, arrays of shape (vehicles,) unless stated otherwise.
 
     Attributes:
         counted: Vehicle-steps asked for.

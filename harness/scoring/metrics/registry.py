@@ -115,12 +115,12 @@ _OWN = frozenset(METRICS)
 
 
 def quantities() -> list[Quantity]:
-    """Return what all metrics tell of their numbers, in the order of their registration."""
+    """Return the quantities of all metrics in the order of registration."""
     return [quantity for metric in METRICS.in_order().values() for quantity in metric.quantities]
 
 
 def is_from_outside(quantity: Quantity) -> bool:
-    """Return whether a quantity is another package's, whose bounds nobody knows."""
+    """Return whether a quantity belongs to another package, so that its bounds are unknown."""
     return quantity.metric not in _OWN
 
 

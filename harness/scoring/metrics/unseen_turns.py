@@ -113,7 +113,7 @@ def distance_to_line(place: FloatArray, line: FloatArray) -> float:
 
 
 def scores_of_turns(parts: Sequence[TurnsPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
-    """Return how often the right route is told.
+    """Return how often the right route is reported.
 
     Returns:
         Of ``events``, occlusions of at least 2 s in which a vehicle turns or is on a roundabout:

@@ -120,7 +120,7 @@ def crossing_scene() -> tuple[Road, list[CarOnLine], CarOnLine]:
 def scans_in_plane(
     cars: Sequence[CarOnLine], ego: CarOnLine, times_s: Sequence[float], rng: np.random.Generator
 ) -> list[LabelledScan]:
-    """Return what a sensor without occlusion makes of the cars, with one detection of each in twenty missed.
+    """Return scans of the cars from a sensor without occlusion that misses one detection in twenty.
 
     Args:
         cars: The cars.

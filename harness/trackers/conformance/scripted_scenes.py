@@ -103,7 +103,7 @@ def scripted_scans(
     detection_probability: float = 1.0,
     clutter_per_scan: float = 0.0,
 ) -> list[LabelledScan]:
-    """Return what a sensor without occlusion makes of the cars.
+    """Return scans of the cars from a sensor without occlusion.
 
     Args:
         cars: The cars.

@@ -97,7 +97,7 @@ def _matched(tracks: BoxTracks, detections: Detections, options: BoxKalmanOption
 
 
 def _gains(tracks: BoxTracks, detections: Detections, options: BoxKalmanOptions) -> tuple[FloatArray, BoolArray]:
-    """Return what it is worth to match each track with each detection, and whether it may be, shape (n, d)."""
+    """Return the gain of matching each track with each detection, and whether the match is allowed, shape (n, d)."""
     if options.association == "mahalanobis":
         squared = pairs_of(tracks.states.mean, tracks.states.covariance, detections).squared_distance
         return options.gate_std**2 - squared, squared <= options.gate_std**2

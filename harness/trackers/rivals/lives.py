@@ -49,7 +49,7 @@ class Lives:
 
 
 def remembered(lives: Lives, lon_m: FloatArray, lat_m: FloatArray, now: Moment, options: RivalOptions) -> BoolArray:
-    """Return which tracks go on, shape (n,): those not unseen for too long that are within range.
+    """Return which tracks are kept, shape (n,): those within range and not unseen for too long.
 
     Args:
         lives: Their lives.

@@ -219,7 +219,7 @@ class BeyondRangeDeleter(Deleter):
 
 
 def forget_before_last_update(track: Track) -> None:
-    """Drop the states before a track's last update, which nothing asks for, so that memory stays bounded."""
+    """Drop the states before a track's last update, which nothing uses, so that memory stays bounded."""
     for index in range(len(track.states) - 1, 0, -1):
         if isinstance(track.states[index], Update):
             del track.states[:index]

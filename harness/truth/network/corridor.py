@@ -90,7 +90,7 @@ class Corridor:
         return section_m[1] - section_m[0]
 
     def demand(self, density_veh_per_km_lane: float, relation: Equilibrium) -> Demand:
-        """Return the demand that a density asks for of drivers with a relation of speed and density."""
+        """Return the demand for a density, given drivers and their relation of speed and density."""
         return demand_for_density(density_veh_per_km_lane, self.main_lanes, relation)
 
     def road(self, section_m: tuple[float, float], additional_files: Iterable[Path] = ()) -> CorridorRoad:  # noqa: ARG002
@@ -212,7 +212,7 @@ def _place(edge: SumoEdge, frame: Road, main_lanes: int) -> CorridorEdge:
 
 
 def _lanes(sumo_edges: Sequence[SumoEdge], edges: Sequence[CorridorEdge], frame: Road) -> tuple[Lane, ...]:
-    """Return the lanes of all edges in the road frame, one where they go on from edge to edge."""
+    """Return the lanes of all edges in the road frame, joined where they continue from edge to edge."""
     strips: dict[int, list[Lane]] = {}
     for sumo_edge, edge in zip(sumo_edges, edges, strict=True):
         for index in range(edge.lanes):

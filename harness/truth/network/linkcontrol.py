@@ -81,7 +81,7 @@ def _wait_within(
     successor: IntArray,
     first_successor: IntArray,
 ) -> None:
-    """Move those for whom one waits to the link within the junction where one waits, if there is one; in place."""
+    """Move the links with priority to the link within the junction where vehicles wait, if there is one; in place."""
     for k in list(foes):
         via = successor[k]
         if not names[via].startswith(":"):

@@ -224,7 +224,7 @@ def is_in_the_box(name_or_path: str) -> bool:
 
 
 def default_demand(name_or_path: str) -> str | None:
-    """Return the demand that is driven where the user asks for none; None where that is a density.
+    """Return the demand used by default; None where that is a density.
 
     Only the network's ``network.toml`` is read; of a network that does not exist nothing is known here.
     """

@@ -79,12 +79,12 @@ class RecordingFormat:
         return read(path) if self.brings_road else read(path, net)
 
     def drives(self, path: Path, with_map: bool) -> tuple[Drive, ...]:
-        """Read a recording that brings its own detections, with the map beside it or without."""
+        """Read a recording with its own detections, with or without its map."""
         read = cast("Callable[..., tuple[Drive, ...]]", recording_formats[self.name])
         return read(path, with_map) if self.brings_map else read(path)
 
     def own_files(self, path: Path) -> tuple[Path, ...]:
-        """Return the files of a recording that brings its own detections."""
+        """Return the files of a recording with its own detections."""
         files: tuple[Path, ...] = import_module(recording_formats[self.name].__module__).files_of(path)
         return files
 
@@ -167,7 +167,7 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
 
 
 def brings_detections(format_name: str) -> bool:
-    """Return whether recordings of a format bring a real detector's boxes beside the truth."""
+    """Return whether recordings of a format hold a real detector's boxes beside the truth."""
     return format_name in FORMATS and FORMATS[format_name].sensor is not None
 
 
@@ -190,7 +190,7 @@ def least_score_of(name: str, chosen: float | None) -> float:
 
 
 def read_drives(path: Path, format_name: str, with_map: bool = False) -> tuple[Drive, ...]:
-    """Read a recording that brings its own detections, whose format is known.
+    """Read a recording with its own detections, whose format is known.
 
     Args:
         path: The file or folder.

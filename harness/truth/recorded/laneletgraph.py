@@ -62,7 +62,7 @@ def road_of_lanelets(
 
 
 def are_one_road(lanelets: Sequence[Lanelet]) -> bool:
-    """Return whether lanelets all lead one way, nearly straight, so that a road's frame can be laid along them."""
+    """Return whether lanelets all lead one way and nearly straight, so that one road frame suits them."""
     chords = np.concatenate([_chords(lanelet.centre_xy()) for lanelet in lanelets])
     mean = np.arctan2(*chords.sum(axis=0)[::-1])
     aside = np.abs(wrapped(np.arctan2(chords[:, 1], chords[:, 0]) - mean)) > ONE_WAY_RAD

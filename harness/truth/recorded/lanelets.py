@@ -152,7 +152,7 @@ def _even_shares(line: FloatArray) -> FloatArray:
 
 
 def _smoothed(line: FloatArray) -> FloatArray:
-    """Average over a stretch; before the ends the line is taken to go on straight."""
+    """Return a moving average; beyond its ends the line is extended straight."""
     reach = min(int(0.5 * SMOOTH_OVER_M / SAMPLE_M), (len(line) - 1) // 2)
     if reach < 1:
         return line

@@ -64,7 +64,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A cluster after a scan, told in keys: of a single hypothesis the one before it and its detection.
+    """A cluster after a scan in keys: for each single hypothesis its predecessor and its detection.
 
     The former may be ``NO_TRACK``, the latter ``NOBODY``.
 
@@ -159,7 +159,7 @@ def united(cluster: Cluster, told: Sequence[Hashable | None]) -> Cluster:
 
 
 def simplified(cluster: Cluster) -> list[Cluster]:
-    """Return a cluster without what is told twice; tracks of which all global hypotheses say the same by themselves."""
+    """Return a cluster without duplicate hypotheses; tracks on which all global hypotheses agree are split off."""
     if len(cluster.rows) == 1:
         return [Cluster(((single,),), (0.0,)) for single in cluster.rows[0] if single != NO_TRACK]
     cluster = _summed(cluster, cluster.rows)

@@ -166,7 +166,7 @@ def survived(mixture: Mixture, probability: float) -> Mixture:
 
 
 def _told(singles: Singles, counted_existence: float) -> list[tuple[int, ...] | None]:
-    """Return the recent detections of each single hypothesis; of one that had none, its track."""
+    """Return the recent detections of each single hypothesis; its track where it has none."""
     counts = (singles.existence >= counted_existence).tolist()
     return [
         (tuple(recent) if max(recent) != NOBODY else (number,)) if is_counted else None

@@ -17,7 +17,7 @@ APART_M = 1000.0
 
 
 def laid_apart(drives: Sequence[Drive]) -> tuple[Drive, ...]:
-    """Return drives moved along x by whole kilometres, the first not at all; as they are if none has a map."""
+    """Return drives shifted along x by whole kilometres, except the first; unchanged if none has a map."""
     if all(drive.lanes is None for drive in drives):
         return tuple(drives)
     placed: list[Drive] = []

@@ -52,7 +52,7 @@ B = TypeVar("B", bound=Boxes)
 
 @dataclass(frozen=True)
 class Labels(Boxes):
-    """Boxes that people drew, wherever something was, seen or not; shape (n,).
+    """Human-labelled boxes, also of hidden objects; shape (n,).
 
     Attributes:
         thing: Index into the names of what was labelled.

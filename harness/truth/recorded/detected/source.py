@@ -41,7 +41,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Moment:
-    """A step of a drive with all that its source knows of it.
+    """A step of a drive with all that its source knows.
 
     Attributes:
         counts: Whether each thing of the frame is a vehicle that counts, shape (n,).
@@ -222,7 +222,7 @@ class DriveTruth:
         self._path, self._format = path, format_name
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the frames; time goes on from drive to drive."""
+        """Yield the frames; time continues from drive to drive."""
         for episode, drive in enumerate(self.drives):
             for own_step in range(len(drive.drive.ego)):
                 yield drive.frame(own_step, int(self._starts[episode]) + own_step, episode)
