@@ -4,6 +4,7 @@ Limits only ever fall. Who must raise one says why in the commit.
 """
 
 import ast
+import re
 from collections import Counter
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -27,6 +28,8 @@ LIMITS = {"harness": Limits(20, 10, 108), "mmpf": Limits(16, 8, 63), "harness.sc
 MOST_LINES = {("harness", "mmpf"): 66_400, ("tests",): 40_500}
 MOST_LATE_IMPORTS = 47
 MOST_SHARED_NAMES = 0
+MOST_FILES_ASKING_FOR_KIND = 24
+KIND_OF_ROAD = re.compile(r"(graph|plane|direction_rad) is (not )?None")
 SHARED_NAMES = {"__init__.py", "protocol.py", "options.py"}
 
 
@@ -108,6 +111,11 @@ def test_the_code_does_not_outgrow_its_limit(folders):
 def test_late_imports_stay_rare():
     late = sum(path.read_text().count("noqa: PLC0415") for path in FILES.values())
     assert late <= MOST_LATE_IMPORTS
+
+
+def test_few_files_ask_which_kind_of_road_there_is():
+    asking = [module for module, path in FILES.items() if KIND_OF_ROAD.search(path.read_text())]
+    assert len(asking) <= MOST_FILES_ASKING_FOR_KIND, asking
 
 
 def test_few_files_share_a_name_with_two_others():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
-from harness.decisions.views import HORIZON_M, LaneView, lane_views, speed_limits
+from harness.decisions.views import HORIZON_M, LaneView, lane_views
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -103,7 +103,7 @@ def believe(bodies: Bodies, egos: Egos, road: Road) -> Belief:
     return Belief(
         speed_mps=egos.speed_mps,
         length_m=egos.length_m,
-        speed_limit_mps=speed_limits(egos, road),
+        speed_limit_mps=road.speed_limit_of(egos.lane),
         leaders=_nearest(own, in_lane, egos, bodies, LEADERS),
         follower=_one(_nearest(own, in_lane, egos, bodies, 1, ahead=False)),
         left=_beside(left, egos, bodies),

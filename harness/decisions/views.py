@@ -57,13 +57,6 @@ def lane_views(egos: Egos, bodies: Bodies, road: Road) -> tuple[LaneView, LaneVi
     return views[OWN], views[LEFT], views[RIGHT]
 
 
-def speed_limits(egos: Egos, road: Road) -> FloatArray:
-    """Return the speed limit at each step, nan where none is known, shape (n,)."""
-    if road.graph is None:
-        return np.full(len(egos), np.nan)
-    return np.append(road.graph.speed_limit_mps, np.nan)[egos.lane - 1]
-
-
 def _on_corridor(egos: Egos, bodies: Bodies, road: Road) -> tuple[LaneView, LaneView, LaneView]:
     numbers = np.array([lane.number for lane in road.lanes], dtype=np.int64)
     own = np.full(len(egos), -1)
