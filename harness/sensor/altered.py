@@ -32,15 +32,7 @@ UNKNOWN_DIRECTION_RAD = float(np.pi)
 def altered(
     looks: Iterable[Look], settings: AlteredSettings, sensor: SensorSettings, road: Road, stream: np.random.SeedSequence
 ) -> Iterator[Look]:
-    """Yield looks as they are in the world that the settings describe.
-
-    Args:
-        looks: What the sensor saw.
-        settings: What is done to it.
-        sensor: The figures of the sensor, after which false detections are made.
-        road: The road.
-        stream: Parent of the streams of all alterations.
-    """
+    """Yield looks as they are in the world that the settings describe."""
     thins, bursts, far, dark, adds, ego, hides = (np.random.default_rng(child) for child in stream.spawn(7))
     if settings.every_scan > 1:
         looks = some_scans(looks, settings.every_scan)

@@ -19,14 +19,7 @@ FRONT_SHARE = 0.35
 def detection_probability(
     settings: SensorSettings, distance_m: FloatArray, visible_fraction: FloatArray, reachable: BoolArray
 ) -> FloatArray:
-    """Return the probability of a detection, single misses and runs together, bursts apart; shape (n,).
-
-    Args:
-        settings: The sensor's figures.
-        distance_m: Distance from the sensor, shape (n,).
-        visible_fraction: How much of each vehicle is seen, shape (n,).
-        reachable: Whether each is in range and no ego, shape (n,).
-    """
+    """Return the probability of a detection, single misses and runs together, bursts apart; shape (n,)."""
     view = np.minimum(1.0, visible_fraction / settings.full_view_fraction) ** settings.view_exponent
     far = np.minimum(1.0, distance_m / settings.range_m)
     probability = settings.detection_probability * view * (1.0 - settings.missed_far_share * far**2)
@@ -94,9 +87,6 @@ class Boxes:
     Attributes:
         origin: Index of the vehicle in the frame.
         lon_m: Longitudinal position of the box's true middle.
-        lat_m: Lateral position of it.
-        length_m: Length.
-        width_m: Width.
         axis_rad: Direction of its long side against the frame's longitudinal axis.
         second: Whether it is the other part of a vehicle that another box stands for.
     """
@@ -116,9 +106,7 @@ def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fr
     The box that stays, that of the vehicle of which more is seen, stands for it and reaches over both.
 
     Args:
-        settings: The sensor's figures.
         boxes: One for each vehicle that is detected, b of them.
-        merges: Whether each would merge now, shape (b,).
         visible_fraction: How much of each is seen, shape (b,).
     """
     lon, lat, length, width = (np.array(part) for part in (boxes.lon_m, boxes.lat_m, boxes.length_m, boxes.width_m))
@@ -156,14 +144,7 @@ def _reaches(length: FloatArray, width: FloatArray, turn_rad: FloatArray) -> tup
 
 
 def split(settings: SensorSettings, boxes: Boxes, splits: BoolArray, heading_rad: FloatArray) -> Boxes:
-    """Return the boxes with those of long vehicles that split in two: the longer part, then the front at the end.
-
-    Args:
-        settings: The sensor's figures.
-        boxes: The boxes, b of them.
-        splits: Whether each would split now, shape (b,).
-        heading_rad: Heading of each against the road, shape (b,).
-    """
+    """Return the boxes with those of long vehicles that split in two: the longer part, then the front at the end."""
     chosen = np.flatnonzero(splits & (boxes.length_m >= settings.split_length_m))
     length = boxes.length_m[chosen]
     cosine, sine = np.cos(heading_rad[chosen]), np.sin(heading_rad[chosen])
@@ -197,8 +178,6 @@ def shifted(
     Of a vehicle whose hidden part is a share h of its extent, the middle of what is left is off by h / 2 of it.
 
     Args:
-        settings: The sensor's figures.
-        boxes: The boxes, b of them.
         visible_fraction: How much of each is seen, shape (b,).
         angle_rad: Direction of the line of sight against each box's axis, shape (b,).
         side: 1 where its left side, seen from the sensor, is what is seen, -1 for the right, 0 if neither; shape (b,).

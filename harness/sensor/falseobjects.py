@@ -37,12 +37,7 @@ def ghosts_after(
     lanes in range, so that driving past them makes them no rarer.
 
     Args:
-        settings: The sensor's figures.
         before: The false objects a step ago; None at the first.
-        frame: The traffic, with which some move.
-        road: The lanes.
-        step_s: Time since the step before.
-        rng: Source of randomness.
     """
     ego = frame.ego_pose
     if before is None:
@@ -84,15 +79,7 @@ def _of_a_cars_size(
 def mirrored_after(
     settings: SensorSettings, before: Mirrored | None, scene: Scene, step_s: float, rng: np.random.Generator
 ) -> Mirrored:
-    """Return the mirror images a step later: some are gone, some are new; none outlives its vehicle's time in range.
-
-    Args:
-        settings: The sensor's figures.
-        before: The mirror images a step ago; None at the first.
-        scene: The vehicles that can be mirrored.
-        step_s: Time since the step before.
-        rng: Source of randomness.
-    """
+    """Return the mirror images a step later: some are gone, some are new; none outlives its vehicle's time in range."""
     if before is None:
         return _new_images(scene, int(rng.poisson(settings.mirrored_clutter)), rng)
     kept = np.exp(-step_s / settings.mirrored_clutter_s)
@@ -138,10 +125,7 @@ def posts_along(settings: SensorSettings, road: Road, ego: EgoPose, rng: np.rand
     """Draw permanent objects beside the road: at the borders of its lanes, or on the lanes in the plane.
 
     Args:
-        settings: The sensor's figures.
-        road: The lanes.
         ego: Where the ego is first; a road without end has posts up to 5 km to either side of it.
-        rng: Source of randomness.
     """
     place = road.draw_beside_lanes(settings.posts_per_km, (ego.lon_m, ego.lat_m), rng)
     return _of_a_cars_size(place, np.zeros(len(place[0])), rng)

@@ -22,7 +22,6 @@ class Chain(NamedTuple):
 
     Attributes:
         share: Share of time in the state, below 1, shape (n,) or a number.
-        run_s: Mean length of a run in it, seconds, likewise.
     """
 
     share: FloatArray | float
@@ -36,10 +35,7 @@ def next_state(chain: Chain, before: FloatArray, step_s: float, uniforms: FloatA
     share, and runs of the asked-for mean length, where these are longer than those of independent draws.
 
     Args:
-        chain: Shares and mean run lengths.
         before: 1 or 0 for the state a step ago; nan where there was none, shape (n,).
-        step_s: Time since then.
-        uniforms: Uniform random numbers, shape (n,).
     """
     share = np.broadcast_to(np.asarray(chain.share, dtype=np.float64), before.shape)
     run_s = np.broadcast_to(np.asarray(chain.run_s, dtype=np.float64), before.shape)
@@ -53,7 +49,6 @@ class VehicleMemory:
     """What is remembered of n vehicles, struct of arrays.
 
     Attributes:
-        vehicle_id: Their names, shape (n,).
         missed: 1 where a vehicle is in a run of misses, 0 elsewhere, nan if it is new; shape (n,).
         burst: The same for bursts of misses that have nothing to do with visibility.
         split: The same for one vehicle seen as two boxes.
@@ -98,16 +93,7 @@ def drifted(drift: FloatArray, step_s: float, time_s: float, normals: FloatArray
 
 @dataclass(frozen=True)
 class Ghosts:
-    """False objects that stay in view for a while, struct of arrays, each of shape (g,).
-
-    Attributes:
-        lon_m: Longitudinal position.
-        lat_m: Lateral position.
-        axis_rad: Direction of its box against the frame's longitudinal axis.
-        speed_mps: Speed along it; 0 for what is fixed to the road.
-        length_m: Length of its box.
-        width_m: Width of its box.
-    """
+    """False objects that stay in view for a while, arrays of shape (g,); the speed is along the box's axis."""
 
     lon_m: FloatArray
     lat_m: FloatArray
@@ -127,13 +113,7 @@ class Ghosts:
 
 @dataclass(frozen=True)
 class Mirrored:
-    """False objects that mirror a vehicle, struct of arrays, each of shape (g,).
-
-    Attributes:
-        vehicle_id: The vehicle that each mirrors.
-        along_m: How far ahead of it each is, along its box.
-        left_m: How far to its left.
-    """
+    """False objects that mirror a vehicle, by how far ahead and to the left of it, along its box, shape (g,)."""
 
     vehicle_id: StringArray
     along_m: FloatArray
@@ -170,11 +150,6 @@ class SensorMemory:
     """All that one sensor remembers within one episode.
 
     Attributes:
-        parent: Generator that the streams came from.
-        streams: The streams.
-        episode: The episode.
-        time_s: Time of the last scan.
-        vehicles: What is remembered of the vehicles of the last frame.
         ghosts: False objects that stay; None before the first scan.
         mirrored: False objects that mirror a vehicle; None before the first scan.
         posts: What stands beside the road for the whole run; None before its first scan.
@@ -194,13 +169,7 @@ class SensorMemory:
     pending: list[tuple[float, object]] = field(default_factory=list)
 
     def begin_scan(self, parent: np.random.Generator, episode: int, time_s: float) -> float:
-        """Forget what does not belong to this episode; return the time since its last scan, seconds.
-
-        Args:
-            parent: The sensor's generator.
-            episode: Number of the episode.
-            time_s: Time of the scan.
-        """
+        """Forget what does not belong to this episode; return the time since its last scan, seconds."""
         if self.parent is not parent:
             self.parent, self.streams, self.episode = parent, Streams.below(parent), -1
             self.posts, self.detectability = None, {}

@@ -58,8 +58,6 @@ class Look:
     """What the sensor saw at one moment, with the truth beside it.
 
     Attributes:
-        frame: The truth.
-        observation: What the sensor made of it.
         truth_s: Wall time that making the frame took; no part of a run's results.
         sensor_s: Wall time that making the observation took; likewise.
     """
@@ -81,7 +79,6 @@ class Sensor(Protocol):
         """Look at the frame from its ego vehicle.
 
         Args:
-            frame: The truth.
             road: Maps the frame's road coordinates to the plane in which light travels straight.
             rng: The sensor's own stream.
 

@@ -25,7 +25,6 @@ def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSett
     """Return a profile's settings with some fields replaced.
 
     Args:
-        profile: Name of a profile.
         overrides: New values by field name; numbers may be given as text.
 
     Raises:
@@ -44,12 +43,7 @@ def is_built_in(profile: str) -> bool:
 
 
 def has_all_figures(profile: str, overrides: Mapping[str, object]) -> bool:
-    """Return whether a profile from outside is written out in full, so that nothing need be imported for it.
-
-    Args:
-        profile: Name of a profile.
-        overrides: New values by field name; what may be none and is not named is none.
-    """
+    """Return whether a profile from outside is written out in full, so that nothing need be imported for it."""
     return not is_built_in(profile) and set(SensorSettings.model_fields) - set(MAY_BE_NONE) <= set(overrides)
 
 

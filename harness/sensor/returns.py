@@ -107,10 +107,7 @@ def _measured(scene: Scene, boxes: Boxes, named: IntArray, normals: tuple[FloatA
 
 
 def _reported(scene: Scene, measured: Measured, report: tuple[FloatArray, FloatArray], origin: IntArray) -> Returns:
-    """Return measured values with the deviations that they report, which follow from the measured box alone.
-
-    ``report`` is the visible fraction, which shows but a little, and standard normal numbers of the spread.
-    """
+    """Return measured values with the deviations that they report, by visible fraction and normal numbers."""
     settings, (lon, lat, axis, speed, size) = scene.settings, measured
     sight = sight_to(lon, lat, scene.road, scene.ego, axis)
     plain, zeros = np.ones(len(lon)), np.zeros(len(lon))

@@ -28,8 +28,6 @@ def free_space(
 
     Args:
         detections: The scan's detections, clutter included: the sensor can't tell.
-        ego: Pose of the sensor.
-        road: Gives the direction in which a vehicle at a detection points.
         range_m: Free distance of a sector without a detection.
         field_of_view_rad: Angle of view, centred on the ego's heading; sectors outside it have free distance zero.
     """

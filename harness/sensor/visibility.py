@@ -55,7 +55,6 @@ def first_hits(boxes: FloatArray, bearings: FloatArray) -> tuple[IntArray, Float
 
     Args:
         boxes: Rectangles as ``pack_boxes`` gives them, shape (n, 6).
-        bearings: Directions of the rays, radians, shape (r,).
 
     Returns:
         Index of the rectangle, -1 where the ray meets none; the distance at which the ray enters it and the distance at
@@ -83,11 +82,7 @@ def pack_boxes(
     length: FloatArray,
     width: FloatArray,
 ) -> FloatArray:
-    """Return rectangles relative to the sensor for the kernels.
-
-    Returns:
-        Rows of (x, y, cosine, sine, half length, half width), shape (n, 6).
-    """
+    """Return rectangles relative to the sensor: x, y, cosine, sine, half length, half width, shape (n, 6)."""
     columns = (
         np.asarray(centre_x) - sensor_xy[0],
         np.asarray(centre_y) - sensor_xy[1],

@@ -99,7 +99,6 @@ def build_tracker(
             installed package declares as an entry point of ``harness.trackers``, or ``package.module:factory`` for a
             tracker of one's own, or ``exec:`` and the command of a program (``harness.trackers.program``); or the
             factory itself.
-        setting: What the tracker may know.
         options: The tracker's own options; they override its tuned ones.
         tuned: Whether the others are as they were tuned; else they are as in the tracker's code.
 
@@ -153,11 +152,7 @@ def _over(base: Mapping[str, object], above: Mapping[str, object]) -> dict[str, 
 
 
 def _check_signature(maker: str | TrackerFactory, factory: TrackerFactory) -> None:
-    """Refuse a factory that can't be called as factories are.
-
-    Raises:
-        InputError: It takes other arguments.
-    """
+    """Refuse with an ``InputError`` a factory that can't be called as factories are."""
     try:
         signature = inspect.signature(factory)
     except (ValueError, TypeError):

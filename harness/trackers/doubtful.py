@@ -56,8 +56,6 @@ class DoubtingTracker:
         """Wrap a tracker.
 
         Args:
-            tracker: The tracker.
-            options: What is doubtful.
             in_plane: Whether the road frame is the plane, where the ego's path leads along its heading; else it leads
                 along the road.
         """

@@ -53,10 +53,7 @@ def predict_constant_velocity(
     """Predict by the nearly-constant-velocity model (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2).
 
     Args:
-        states: Beliefs before.
-        interval_s: Time to predict over.
         lon_noise: Power spectral density of the longitudinal acceleration, m^2/s^3.
-        lat_noise: The same laterally.
     """
     transition = np.eye(4)
     transition[LON, SPEED] = transition[LAT, LAT_SPEED] = interval_s
@@ -75,11 +72,8 @@ def update_variable(
     Measurements with independent errors may be taken in one after the other, so no matrix is inverted.
 
     Args:
-        states: Beliefs before.
         index: Which vehicles are measured, each at most once, shape (k,).
         variable: ``LON``, ``SPEED``, ``LAT`` or ``LAT_SPEED``.
-        measured: Measured values, shape (k,).
-        std: Standard deviations of their errors, shape (k,).
     """
     prior = taken(states, index)
     cross = prior.covariance[:, :, variable]
@@ -95,10 +89,7 @@ def updated(states: GaussianStates, index: IntArray, detections: Detections, det
     """Return beliefs after a detection each of some of them: place, and speed where it is measured.
 
     Args:
-        states: Beliefs before.
         index: Whose detections they are, each at most once, shape (k,).
-        detections: All detections.
-        detection: Which of them, shape (k,).
     """
     states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
     states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
@@ -111,9 +102,7 @@ def newborn(detections: Detections, detection: IntArray, ego: EgoPose, spread: B
     """Return first beliefs of k vehicles: as fast as the ego where speed is not measured.
 
     Args:
-        detections: All detections.
         detection: Which of them begin a belief, shape (k,).
-        ego: The sensor's vehicle.
         spread: How widely speeds that are not measured are spread.
     """
     count = len(detection)
@@ -136,9 +125,7 @@ def tracks_of(
     """Return beliefs as they are reported.
 
     Args:
-        track_id: Identities, shape (n,).
         mean: Means that begin with ``LON, SPEED, LAT, LAT_SPEED``, shape (n, 4 or more).
-        std: Deviations in the same order.
         state: ``TENTATIVE``, ``CONFIRMED`` or ``HIDDEN``, shape (n,).
         existence: Probability that each is a vehicle, shape (n,); one if None.
     """

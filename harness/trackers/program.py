@@ -67,13 +67,7 @@ class ProgramTracker:
     """
 
     def __init__(self, name: str, setting: TrackerSetting, options: Mapping[str, object]) -> None:
-        """Start the program and tell it the setting.
-
-        Args:
-            name: ``exec:`` and the command, as a shell would take it.
-            setting: What it may know.
-            options: Its options, and the time limits.
-        """
+        """Start the program of ``exec:`` and a shell's command, and tell it the setting."""
         limits = {key: _seconds(key, options.get(key, default)) for key, default in TIME_LIMITS_S.items()}
         own = {key: value for key, value in options.items() if key not in limits}
         self._step_s, self._program = limits["step_timeout_s"], _Program(name)
@@ -195,11 +189,7 @@ class _Program:
         weakref.finalize(self, _end, process)
 
     def ask(self, text: str, limit_s: float) -> list[list[str]]:
-        """Write lines and return the answer's words line by line.
-
-        Raises:
-            RunError: The program ended, took too long, wrote more than an answer, or answered ``error``.
-        """
+        """Write lines and return the answer's, word by word; a ``RunError`` where none comes."""
         self._receive()
         if self._read:
             raise RunError(f"{self.name}: it wrote {_shown(self._read.decode(errors='replace').split())} unasked")

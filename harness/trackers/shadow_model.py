@@ -22,13 +22,7 @@ _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
 @dataclass(frozen=True)
 class Visibility:
-    """What is assumed of the sensor.
-
-    Attributes:
-        sensor: Its data sheet.
-        in_view: Detection probability of a vehicle in plain view.
-        hidden: Least detection probability of anybody, hidden or not.
-    """
+    """The sensor's data sheet, and the detection probabilities in plain view and, the least of all, when hidden."""
 
     sensor: SensorModel
     in_view: float
@@ -45,12 +39,8 @@ def detection_probabilities(
     """Return the mean detection probability over where each of m vehicles may be, shape (m,).
 
     Args:
-        plane: The plane around the sensor.
         places: Longitudinal and lateral positions at ``POINTS`` of each vehicle, shape (5 m,), and by whose shadow each
             point is not darkened, shape (5 m,).
-        bodies: Sizes of those that cast shadows.
-        table: The surfaces around.
-        visibility: What is assumed of the sensor.
     """
     lon, lat, component = places
     sensor = visibility.sensor

@@ -34,10 +34,7 @@ class Frame:
         heading_rad: Heading against the road's direction, positive to the left.
         speed_mps: Longitudinal speed.
         lat_speed_mps: Lateral speed, positive to the left.
-        accel_mps2: Longitudinal acceleration.
         lane: Lane number as in ``mmpf.map.road``; 0 off the road.
-        length_m: Vehicle length.
-        width_m: Vehicle width.
         window_m: Stretch of the road of which the source knows all vehicles; beyond it nothing is scored.
         direction_rad: Direction against the longitudinal axis that errors of each vehicle are taken along. On a road
             whose frame is the plane (``Road.graph``) its heading; None elsewhere, where it is the road's own.
@@ -82,13 +79,7 @@ class Frame:
 
 
 class TruthSource(Protocol):
-    """Yields frames at a fixed step; SUMO, a recorded run or recorded traffic.
-
-    Attributes:
-        road: The road whose frame the frames use.
-        step_s: Time between frames.
-        expected_steps: How many frames ``frames`` will yield at most, for progress.
-    """
+    """Yields frames at a fixed step, at most ``expected_steps``; SUMO, a recorded run or recorded traffic."""
 
     road: Road
     step_s: float

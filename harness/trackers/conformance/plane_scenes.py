@@ -32,10 +32,8 @@ class CarOnLine:
     """A car that follows a line through the plane at constant speed.
 
     Attributes:
-        name: True identity.
         line: Points of the line, metres, shape (p, 2).
         start_m: How far along the line its middle is at time zero.
-        speed_mps: Its speed.
     """
 
     name: str
@@ -120,14 +118,7 @@ def crossing_scene() -> tuple[Road, list[CarOnLine], CarOnLine]:
 def scans_in_plane(
     cars: Sequence[CarOnLine], ego: CarOnLine, times_s: Sequence[float], rng: np.random.Generator
 ) -> list[LabelledScan]:
-    """Return scans of the cars from a sensor without occlusion that misses one detection in twenty.
-
-    Args:
-        cars: The cars.
-        ego: The sensor's own.
-        times_s: Times of the scans.
-        rng: Draws noise, misses and the order of the detections.
-    """
+    """Return scans of the cars from a sensor without occlusion that misses one detection in twenty."""
     scans = []
     for time_s in times_s:
         seen = [car for car in cars if rng.random() < 0.95]
@@ -145,13 +136,7 @@ def scans_in_plane(
 def _graph(
     lines: Mapping[str, FloatArray], follow: Mapping[str, Sequence[str]], beside: Sequence[tuple[str, str]]
 ) -> LaneGraph:
-    """Return the graph of lanes along lines.
-
-    Args:
-        lines: Middle line of each lane.
-        follow: Lanes that follow each.
-        beside: Pairs of lanes of which the second is the first one's left neighbour.
-    """
+    """Return the graph of lanes along lines; in ``beside`` the second of a pair is the first one's left neighbour."""
     names = tuple(lines)
     index = {name: k for k, name in enumerate(names)}
     left, right = np.full(len(names), NOWHERE), np.full(len(names), NOWHERE)

@@ -63,11 +63,6 @@ def step(tracker: AnyTracker, labelled: LabelledScan) -> Tracks:
 def require_refusal(tracker: AnyTracker, labelled: LabelledScan, what: str) -> None:
     """Feed a scan that no sensor can have made.
 
-    Args:
-        tracker: The tracker.
-        labelled: The scan.
-        what: What is wrong with it.
-
     Raises:
         TrackerCheckError: The tracker took it in, or raised anything but ``InvalidScanError``.
     """
@@ -101,16 +96,7 @@ def nearest_track(tracks: Tracks, car: Placed, labelled: LabelledScan) -> int:
 
 
 def require(holds: bool, message: str, labelled: LabelledScan | None = None) -> None:
-    """Require that something holds.
-
-    Args:
-        holds: Whether it does.
-        message: What is wrong otherwise.
-        labelled: The scan at which it is.
-
-    Raises:
-        TrackerCheckError: It does not hold.
-    """
+    """Require that something holds, else raise ``TrackerCheckError`` with the message and the scan."""
     if not holds:
         raise TrackerCheckError(message if labelled is None else _at(message, labelled))
 

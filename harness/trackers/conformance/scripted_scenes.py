@@ -26,16 +26,7 @@ STEP_S = TrackerSetting.step_s
 
 @dataclass(frozen=True)
 class ScriptedCar:
-    """A car that holds its speed and lane.
-
-    Attributes:
-        name: True identity.
-        lon_m: Longitudinal position at time zero.
-        lane: Lane number.
-        speed_mps: Speed.
-        from_s: It is detected from then
-        until_s: until then.
-    """
+    """A car that holds its speed and lane, detected between two times."""
 
     name: str
     lon_m: float
@@ -106,9 +97,6 @@ def scripted_scans(
     """Return scans of the cars from a sensor without occlusion.
 
     Args:
-        cars: The cars.
-        times_s: Times of the scans.
-        rng: Draws noise, misses, clutter and the order of the detections.
         detection_probability: For each car and scan.
         clutter_per_scan: Expected number of false detections, spread over the road within range.
     """

@@ -102,14 +102,7 @@ def begun(lives: Lives, detections: Detections, ego: EgoPose, options: BoxOption
 
 
 def predicted(tracks: BoxTracks, interval_s: float, options: BoxOptions, in_plane: bool) -> BoxTracks:
-    """Return the boxes after some time without a look at them.
-
-    Args:
-        tracks: The boxes before.
-        interval_s: Time to predict over.
-        options: How they move and change.
-        in_plane: Whether the road frame is the plane, where a box points anywhere.
-    """
+    """Return the boxes after some time without a look at them; in the plane a box points anywhere."""
     states = predict_constant_velocity(tracks.states, interval_s, options.lon_noise, options.lat_noise)
     heading, variance = tracks.heading_rad, tracks.heading_variance + options.heading_noise * interval_s
     if in_plane:
@@ -130,10 +123,7 @@ def overlaps(tracks: BoxTracks, middle_m: FloatArray, detections: Detections, op
     """Return the generalised overlap of each box with each detection's, -1 to 1, shape (n, d); -1 of boxes far apart.
 
     Args:
-        tracks: The boxes.
         middle_m: Where their middles are taken to be, shape (n, 2).
-        detections: The detections, d of them.
-        options: The size of a vehicle that is not measured.
     """
     away_m = np.hypot(detections.lon_m - middle_m[:, 0, None], detections.lat_m - middle_m[:, 1, None])
     track, detection = np.nonzero(away_m <= _COMPARED_WITHIN_M)
@@ -152,15 +142,7 @@ def overlaps(tracks: BoxTracks, middle_m: FloatArray, detections: Detections, op
 def taken_in(
     tracks: BoxTracks, index: IntArray, detections: Detections, detection: IntArray, time_s: float
 ) -> BoxTracks:
-    """Return the boxes after a detection each of some of them, at most one each.
-
-    Args:
-        tracks: The boxes before.
-        index: Whose detections they are, shape (k,).
-        detections: All detections.
-        detection: Which of them, shape (k,).
-        time_s: Now.
-    """
+    """Return the boxes after a detection each of some of them, at most one each."""
     states = updated(tracks.states, index, detections, detection)
     size_m, size_variance = tracks.size_m.copy(), tracks.size_variance_m2.copy()
     heading, heading_variance = tracks.heading_rad.copy(), tracks.heading_variance.copy()

@@ -15,15 +15,7 @@ _TOUCHING_M = 1e-9
 
 @dataclass(frozen=True)
 class FlatBoxes:
-    """Rectangles in the plane, struct of arrays of one shape.
-
-    Attributes:
-        x_m: Middles.
-        y_m: Middles.
-        length_m: Lengths.
-        width_m: Widths.
-        heading_rad: Directions of their long sides.
-    """
+    """Rectangles in the plane by their middles and the directions of their long sides, arrays of one shape."""
 
     x_m: FloatArray
     y_m: FloatArray
@@ -37,10 +29,6 @@ def generalised_overlap(first: FlatBoxes, second: FlatBoxes) -> FloatArray:
 
     From the share of the union that is common (Rezatofighi et al., CVPR 2019) the share of an enclosing shape that
     neither covers is taken off; the enclosing shape is the smallest rectangle in line with the first box.
-
-    Args:
-        first: The first box of each pair, shape (p,).
-        second: The second one.
     """
     corners = _corners_seen_from(first, second)
     half = np.stack([0.5 * first.length_m, 0.5 * first.width_m], axis=-1)
@@ -64,15 +52,7 @@ def _corners_seen_from(first: FlatBoxes, second: FlatBoxes) -> FloatArray:
 
 
 def _common_area(corners: FloatArray, half: FloatArray) -> FloatArray:
-    """Return the area that boxes share with rectangles around the origin in line with the axes, shape (p,).
-
-    The common shape is convex. Its corners are among those of either box that lie in the other and the crossings of
-    their edges; in the order of their directions from its middle they give the area.
-
-    Args:
-        corners: Corners of the boxes, in order, shape (p, 4, 2).
-        half: Half-lengths and half-widths of the rectangles, shape (p, 2).
-    """
+    """Return the area that boxes with corners (p, 4, 2) share with rectangles around the origin, half sizes (p, 2)."""
     own = _CORNERS * half[:, None, :]
     edges = np.roll(corners, -1, axis=1) - corners
     inside = (np.abs(corners) <= half[:, None, :] + _TOUCHING_M).all(axis=-1)

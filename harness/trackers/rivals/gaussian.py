@@ -45,13 +45,7 @@ def in_order(detections: Detections) -> Detections:
 
 
 def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> Pairs:
-    """Compare beliefs and detections by position.
-
-    Args:
-        mean: Means whose rows are those of ``kalman.LON`` and so on, shape (n, 4 or more).
-        covariance: Covariances of the same order.
-        detections: The detections, d of them.
-    """
+    """Compare beliefs, their rows in the order of ``kalman.LON`` and so on, and detections by position."""
     off_lon = detections.lon_m - mean[:, LON, None]
     off_lat = detections.lat_m - mean[:, LAT, None]
     lon_lon = covariance[:, LON, LON, None] + detections.std_lon_m**2
@@ -67,7 +61,6 @@ def best_pairs(gain: FloatArray, allowed: BoolArray) -> tuple[IntArray, IntArray
 
     Args:
         gain: Gains, shape (n, d); a pair is worth nothing if its gain is not positive.
-        allowed: Which pairs may be, shape (n, d).
     """
     worth = np.where(allowed, np.maximum(gain, 0.0), 0.0)
     rows, columns = linear_sum_assignment(worth, maximize=True)

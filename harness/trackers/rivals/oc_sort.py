@@ -201,11 +201,6 @@ def momentum(observed: Observations, detections: Detections, options: OcSortOpti
 
     Both directions begin at the observation ``momentum_s`` before the last one; where one of them means nothing, the
     value is that of a right angle.
-
-    Args:
-        observed: The observations of n tracks.
-        detections: The detections, d of them.
-        options: Over how long and from which length on directions are told.
     """
     start_m = observed.before_m(options.momentum_s)
     went_m = (observed.last_m - start_m)[:, None]
@@ -228,16 +223,7 @@ def _updated(
     times_s: list[float],
     options: OcSortOptions,
 ) -> OcTracks:
-    """Return the tracks after a detection each of some of them.
-
-    Args:
-        tracks: The tracks before, predicted.
-        index: Whose detections they are, each at most once, shape (k,).
-        detections: All detections.
-        detection: Which of them, shape (k,).
-        times_s: The times of all scans since the first last look at a track, the last one now.
-        options: Whether and how to filter anew.
-    """
+    """Return the predicted tracks after a detection each of some; times of scans since the first last look."""
     places_m = np.column_stack([detections.lon_m, detections.lat_m])[detection]
     boxes = tracks.boxes
     if options.reupdate:
@@ -256,16 +242,7 @@ def _seen_all_along(
     times_s: list[float],
     options: OcSortOptions,
 ) -> GaussianStates:
-    """Return the predicted states as if each track that is found now had been seen on a straight way all the while.
-
-    Args:
-        tracks: All tracks.
-        index: Who is found, shape (k,).
-        places_m: Where, shape (k, 2).
-        std_m: Deviations of these places, taken for those of the imagined observations too, shape (k, 2).
-        times_s: The times of all scans since the first last look at a track, the last one now.
-        options: How vehicles move.
-    """
+    """Return the predicted states as if who is found now had been seen on a straight way all the while."""
     since_s, now_s = tracks.boxes.lives.last_seen_s[index], times_s[-1]
     from_m = tracks.observed.last_m[index]
     way_m = places_m - from_m

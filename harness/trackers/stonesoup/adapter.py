@@ -41,14 +41,7 @@ class StoneSoupTracker:
         clutter_density_per_m2: float,
         stitcher: IdentityStitcher | None = None,
     ) -> None:
-        """Wrap a tracker that has been put together.
-
-        Args:
-            assembly: The tracker and its parts.
-            options: Its settings.
-            clutter_density_per_m2: Expected false detections per square metre.
-            stitcher: Hands on identities; None leaves them as they are.
-        """
+        """Wrap a tracker that has been put together."""
         self._assembly = assembly
         self._options = options
         self._layout = options.layout
@@ -128,14 +121,7 @@ class StoneSoupTracker:
 
 @dataclass(frozen=True)
 class Assembly:
-    """A Stone Soup tracker and those of its parts that follow the ego or the scan.
-
-    Attributes:
-        tracker: The tracker.
-        initiator: Starts its tracks.
-        range_deleter: Ends the ones that have left the sensor's range.
-        hypothesisers: Those that know the density of clutter.
-    """
+    """A Stone Soup tracker and those of its parts that follow the ego or the scan."""
 
     tracker: MultiTargetTracker | MultiTargetMixtureTracker
     initiator: NumberedInitiator

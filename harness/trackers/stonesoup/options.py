@@ -72,16 +72,7 @@ class StitchedJpdaOptions(JpdaOptions):
 
 @dataclass(frozen=True)
 class StateLayout:
-    """Rows of the state vector.
-
-    Attributes:
-        lon: Longitudinal position.
-        speed: Longitudinal speed.
-        accel: Longitudinal acceleration; None without.
-        lat: Lateral position.
-        lat_speed: Lateral speed.
-        size: Number of rows.
-    """
+    """Rows of the state vector, and how many there are; no row of the acceleration if it is None."""
 
     lon: int
     speed: int

@@ -51,13 +51,7 @@ class DetectionMaker:
     """
 
     def __init__(self, state_size: int, mapping: tuple[int, int, int], noise_factor: float = 1.0) -> None:
-        """Remember where the state holds what is measured.
-
-        Args:
-            state_size: Size of the state vector.
-            mapping: Rows of the longitudinal position, the lateral position and the longitudinal speed.
-            noise_factor: Deviations count as this many times what is reported.
-        """
+        """Remember which rows of the state are the longitudinal and lateral position and the speed along the road."""
         self._noise_factor = noise_factor
         self._state_size = state_size
         self._mapping = mapping

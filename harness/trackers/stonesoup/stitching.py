@@ -39,12 +39,7 @@ class StitchingOptions(Settings):
 
 @dataclass(frozen=True)
 class Sightings:
-    """When a tracker's tracks were seen, each of shape (m,), in the order of its tracks.
-
-    Attributes:
-        first_s: Time of a track's first detection.
-        last_s: Time of its last detection.
-    """
+    """Times of the first and last detection of a tracker's tracks, in their order, each of shape (m,)."""
 
     first_s: FloatArray
     last_s: FloatArray
@@ -92,13 +87,7 @@ class IdentityStitcher:
         self._remembered = _Snapshot(Tracks.none(), np.zeros(0), np.zeros(0))
 
     def stitch(self, tracks: Tracks, sightings: Sightings, time_s: float) -> Stitched:
-        """Match newly confirmed tracks to lost ones and rename them.
-
-        Args:
-            tracks: The tracker's tracks under its own identities.
-            sightings: When they were seen.
-            time_s: Time of the scan.
-        """
+        """Match newly confirmed tracks to lost ones and rename them."""
         confirmed = tracks.state != TENTATIVE
         known = np.array([own in self._reported_id for own in tracks.track_id.tolist()], dtype=np.bool_)
         new = np.flatnonzero(confirmed & ~known)

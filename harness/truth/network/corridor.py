@@ -31,12 +31,8 @@ class CorridorEdge:
     """One edge of the main road.
 
     Attributes:
-        name: The edge's name in SUMO.
         start_m: Longitudinal position of its start.
-        length_m: Length.
-        lanes: Number of lanes.
         extra_lanes: How many of them, from the right, are no through lanes.
-        speed_limit_mps: Speed limit.
     """
 
     name: str
@@ -57,10 +53,7 @@ class Ramp:
     """An edge by which vehicles enter or leave the main road.
 
     Attributes:
-        name: The edge's name in SUMO.
         index: Index into the corridor's edges: the edge that an on-ramp leads to, that an off-ramp leaves from.
-        length_m: Length.
-        speed_limit_mps: Speed limit.
     """
 
     name: str
@@ -76,7 +69,6 @@ class Corridor:
     Attributes:
         edges: Its edges in driving order.
         main_lanes: Lanes that all edges have.
-        lanes: Lanes in the road frame.
         reference_xy: Right edge line of the main lanes in SUMO's plane.
     """
 
@@ -105,10 +97,6 @@ class Corridor:
 
 def read_net(path: Path, with_internal: bool = False) -> SumoNet:
     """Read a network with sumolib.
-
-    Args:
-        path: The file.
-        with_internal: Whether the paths across junctions are read too.
 
     Raises:
         InputError: The file is missing or is no SUMO network.

@@ -25,9 +25,6 @@ class Drivers(WithoutTruthValues):
 
     Attributes:
         headway_s: Mean time headway kept beyond the minimum gap.
-        headway_spread_s: Its standard deviation.
-        minimum_gap_m: Mean gap at standstill.
-        minimum_gap_spread_m: Its standard deviation.
         free_speed_mps: Mean speed of free traffic; slow vehicles keep it below the limit.
         desired_speed_spread: Standard deviation of a driver's desired speed as a share of the limit.
         acceleration_scale: Largest accelerations over those usual for each kind of vehicle.
@@ -53,8 +50,6 @@ class Demand:
 
     Attributes:
         density_veh_per_km_lane: Vehicles per kilometre and main lane, space-mean over the section.
-        on_ramp_veh_per_h: Flow entering by each on-ramp.
-        off_ramp_veh_per_h: Flow leaving by each off-ramp.
         wave_amplitude: How far density swings about its mean along the road at first, as a share of the mean.
         exit_wave_amplitude: How far the flow that leaves swings about its mean from then on, as a share of the mean.
         wave_period_s: Time between two waves at a fixed place.
@@ -84,14 +79,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Speed and flow of one lane in equilibrium.
-
-    Attributes:
-        vehicle_length_m: Mean vehicle length.
-        minimum_gap_m: Mean gap at standstill.
-        headway_s: Mean time headway that drivers keep beyond the minimum gap.
-        free_speed_mps: Mean desired speed.
-    """
+    """Speed and flow of one lane in equilibrium, by means over its vehicles; the headway is kept beyond the gap."""
 
     vehicle_length_m: float = 4.64
     minimum_gap_m: float = Drivers().minimum_gap_m

@@ -178,10 +178,7 @@ def _after(lanes: dict[str, SumoLane], name: str) -> Iterator[str]:
 def _neighbours(
     edges: list[SumoEdge], index: dict[str, int], lines: dict[str, FloatArray]
 ) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    """Return the lanes to the left and right of each, by where they lie: SUMO counts from the other side on the left.
-
-    Paths across a junction that begin on one lane and part are no neighbours.
-    """
+    """Return the lanes to the left and right of each, by where they lie: SUMO counts otherwise on the left."""
     left, right = np.full(len(index), NOWHERE), np.full(len(index), NOWHERE)
     for edge in {edge.getID(): edge for edge in edges}.values():
         lanes = edge.getLanes()
@@ -219,12 +216,6 @@ def read_walls(files: Iterable[Path]) -> FloatArray | None:
     """Return the outlines of the buildings in additional files as rows of x and y of either end, metres, (w, 4).
 
     Heights are not known and play no part: a building hides whatever is behind it.
-
-    Args:
-        files: SUMO's additional files; those without polygons add nothing.
-
-    Returns:
-        The walls; None if there are none.
 
     Raises:
         InputError: A file can't be read, or there are more walls than any network needs.

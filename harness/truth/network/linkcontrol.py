@@ -28,12 +28,6 @@ def read_control(
 
     Who turns across oncoming traffic waits for it within the junction, where SUMO divides the path: it yields there
     and not at the line before the junction.
-
-    Args:
-        lanes: SUMO's lanes by name, paths across junctions included.
-        names: The graph's lanes.
-        successor: The graph's links.
-        first_successor: Where each lane's begin.
     """
     links = len(successor)
     kind, signal = np.full(links, FREE), np.full(links, NO_SIGNAL)

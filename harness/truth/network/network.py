@@ -40,9 +40,6 @@ class NetworkDescription:
     """One line about a network, for ``nets``.
 
     Attributes:
-        name: What ``net`` takes.
-        description: What it is.
-        demands: Name and description of each demand.
         section_length_m: Length of the section that is scored; of a network in the plane, of all its lanes.
         lanes: Number of main lanes; 0 in the plane.
         size_kb: Size of the network file.
@@ -61,18 +58,11 @@ class Network:
     """A network that traffic can be opened on.
 
     Attributes:
-        name: Its name, or the path that the user gave.
-        description: What it is.
-        net_file: SUMO's network file.
         corridor: The main road's edges and the road frame along them; none where the road frame is the plane.
         section_m: Start and end of the scored section; in the plane, the lanes' reach along x.
         ego_lanes: Lanes that an ego is chosen from; none in the plane, where any will do.
         plane: The lanes of a network whose road frame is the plane; none of one with a main road.
-        on_ramps: Ramps that vehicles enter by.
-        off_ramps: Ramps that vehicles leave by.
         vehicle_types_file: SUMO's file of base vehicle types; none where the user's own demand is used.
-        drivers: How its drivers drive.
-        demand_files: The named demands.
         default_demand: The demand that is driven where the user asks for none; none where that is a density.
         calibrated: The demands that come from a calibration.
         calibration_file: Where the outcome of a calibration is kept, if it is.
@@ -136,20 +126,12 @@ class Network:
 
     @cached_property
     def corridor_road(self) -> CorridorRoad:
-        """The same where there is a main road.
-
-        Raises:
-            InputError: There is none.
-        """
+        """The same where there is a main road; else an ``InputError``."""
         return self.main_road.road(self.section_m)
 
     @property
     def main_road(self) -> Corridor:
-        """The corridor.
-
-        Raises:
-            InputError: The network has none.
-        """
+        """The corridor; an ``InputError`` where the network has none."""
         if self.corridor is None:
             raise InputError(f"`net` {self.name}: this needs a network with a main road, such as us101")
         return self.corridor

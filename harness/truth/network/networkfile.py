@@ -129,10 +129,6 @@ class CalibrationFile(WithoutTruthValues):
 def read_toml(path: Path, kind: type[_File]) -> _File:
     """Read a TOML file of a network's folder.
 
-    Args:
-        path: The file.
-        kind: What it must hold.
-
     Raises:
         InputError: It can't be read, or an entry is wrong.
     """

@@ -28,13 +28,7 @@ def grid_origin(low_xy: FloatArray, grid_m: float = 1000.0) -> FloatArray:
 
 
 def followers(name: str, index: Mapping[str, int], after: Callable[[str], Iterable[str]]) -> list[int]:
-    """Return the lanes that follow one; those that are not in the graph, since they are too short, are linked past.
-
-    Args:
-        name: The lane.
-        index: Numbers of the lanes in the graph.
-        after: Names of the lanes after one that may be driven on.
-    """
+    """Return the lanes that follow one; those that are not in the graph, since they are too short, are linked past."""
     found: dict[int, None] = {}
     met, waiting = {name}, [name]
     while waiting:

@@ -48,8 +48,6 @@ class SumoInputs:
     """What is taken from a configuration.
 
     Attributes:
-        net_file: The network.
-        route_files: Files of vehicles.
         additional_files: Files of types, signals and the like.
         options: Names and values of the options that are handed on.
         left_out: Names of those that are not.

@@ -20,13 +20,7 @@ SHORTEST_EGO_S = 3.0
 
 @dataclass(frozen=True)
 class EgoStay:
-    """A vehicle that carries the sensor from one recorded step to another.
-
-    Attributes:
-        stay: Its stay, an index into the traffic's names.
-        first_step: First recorded step.
-        last_step: Last recorded step.
-    """
+    """A vehicle, by the index of its stay, that carries the sensor from one recorded step to another."""
 
     stay: int
     first_step: int

@@ -50,7 +50,6 @@ class RecordingFormat:
     """A format of recorded traffic.
 
     Attributes:
-        name: What ``format`` takes.
         brings_road: Whether the file itself says where the lanes are.
         recognises: Whether the first characters of a file are of this format.
         sensor: Profile that tells what is known of the detector whose boxes a recording brings; its reader returns
@@ -137,10 +136,6 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
 def network_of(entry: RecordingFormat, net: str | None) -> str:
     """Return the network that a recording is driven on.
 
-    Args:
-        entry: Format of the recording.
-        net: What the user asked for.
-
     Raises:
         InputError: The format brings its own road and another one is asked for, or the other way round.
     """
@@ -172,11 +167,7 @@ def brings_detections(format_name: str) -> bool:
 
 
 def check_map(format_name: str) -> None:
-    """Refuse to take the map beside a recording as its road where the format has none.
-
-    Raises:
-        InputError: It has none.
-    """
+    """Refuse with an ``InputError`` to take the map beside a recording as its road where the format has none."""
     if format_name not in FORMATS or not FORMATS[format_name].brings_map:
         having = ", ".join(name for name, entry in FORMATS.items() if entry.brings_map)
         raise InputError(
@@ -191,11 +182,6 @@ def least_score_of(name: str, chosen: float | None) -> float:
 
 def read_drives(path: Path, format_name: str, with_map: bool = False) -> tuple[Drive, ...]:
     """Read a recording with its own detections, whose format is known.
-
-    Args:
-        path: The file or folder.
-        format_name: Name of the format.
-        with_map: Whether to read the map beside it, of a format that may have one.
 
     Raises:
         InputError: A file is missing or broken, or they contradict each other.

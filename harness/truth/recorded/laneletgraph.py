@@ -44,12 +44,6 @@ def road_of_lanelets(
 ) -> tuple[Road, tuple[float, float]]:
     """Return the road of lanelets: a frame along them where they all lead one way, else the plane.
 
-    Args:
-        lanelets: The lanelets.
-        x: Positions of the traffic, shape (n,).
-        y: Likewise.
-        path: The file, for messages.
-
     Returns:
         The road, and the file's coordinates of the origin of its plane.
 
@@ -163,10 +157,7 @@ def _crossings(lines: Sequence[FloatArray]) -> list[set[int]]:
 def _in_junction(
     chosen: Sequence[Lanelet], crossed: Sequence[set[int]], follow: Sequence[Sequence[int]]
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which lanes lead across a junction, (l,).
-
-    Where the file doesn't say so it is those that others cross, and those that begin or end with them.
-    """
+    """Return which lanes lead across a junction, (l,): as the file says, else those that meet or cross others."""
     told = np.array([lanelet.in_junction is not None for lanelet in chosen])
     said = np.array([bool(lanelet.in_junction) for lanelet in chosen])
     crossing = np.array([bool(others) for others in crossed])

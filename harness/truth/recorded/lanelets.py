@@ -35,13 +35,10 @@ class Lanelet:
     """A piece of a lane.
 
     Attributes:
-        name: Its identifier.
         left_xy: Left line in driving direction, shape (k, 2).
         right_xy: Right line, shape (m, 2).
         successors: Lanelets that it leads to.
         left: The lanelet to the left that leads the same way, if there is one.
-        right: The same to the right.
-        speed_limit_mps: Speed limit, if it states one.
         kinds: What it is for, as the file calls it.
         gives_way: Whether a sign at it says to give way or to stop.
         signals: Traffic lights at its end.
@@ -94,14 +91,6 @@ def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray
 
     The reference line is the smoothed middle of the longest chain of lanelets, of about equally long ones that in the
     middle of the traffic. Lanes are numbered from the left.
-
-    Args:
-        lanelets: The lanelets.
-        x: Positions of the traffic, shape (n,).
-        y: Likewise.
-
-    Returns:
-        The road; its section is the extent of the map.
     """
     trunk = _trunk(lanelets, np.column_stack([x, y]))
     reference = _simplified(_smoothed(at_shares(trunk, _even_shares(trunk))))

@@ -31,7 +31,6 @@ def read_bag(path: Path, role: str, topic: str | None) -> pd.DataFrame:
     """Return the boxes of a topic, or with the role ``ego`` the ego's poses.
 
     Args:
-        path: The file.
         role: ``truth``, ``detections``, ``tracks`` or ``ego``.
         topic: The topic; None takes ``/role``, or the only one that has boxes.
 

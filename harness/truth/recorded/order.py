@@ -38,10 +38,8 @@ class Stays:
         vehicle: Vehicle of each stay, an index into the file's names, shape (s,).
         names: Unique name of each stay, shape (s,): the vehicle's, from its second stay on with a number.
         interval_s: Usual time between two rows of a vehicle.
-        duplicates: Rows left out because the vehicle and time were there already.
         contradictions: How many of them gave another position.
         jumps: Stays that begin where a vehicle jumps, shape (j,).
-        in_plane: Whether the road frame is the plane.
     """
 
     rows: Rows

@@ -31,18 +31,7 @@ MOST_LINES = 5000
 
 @dataclass(frozen=True)
 class Way:
-    """One vehicle's way; arrays of shape (n,), of whatever a reader takes for numbers.
-
-    Attributes:
-        name: Its name.
-        time_s: Times.
-        x_m: Place of the centre.
-        y_m: The same.
-        heading_rad: Direction of the front.
-        speed_mps: Speed along the heading; nan where the file has none.
-        length_m: Extent along the heading.
-        width_m: Extent across it.
-    """
+    """One vehicle's way; arrays of shape (n,), of whatever a reader takes for numbers; an unknown speed is nan."""
 
     name: str
     time_s: FloatArray
@@ -69,11 +58,6 @@ Scene = tuple[Sequence[Way], Mapping[str, MiddleLine], int]
 def traffic_of_scene(path: Path, load: Callable[[BinaryIO], Scene], what: str) -> ReadTraffic:
     """Read a file of a scene as another program wrote it.
 
-    Args:
-        path: The file.
-        load: Reads what it holds.
-        what: What it should be, for the message.
-
     Raises:
         InputError: It is no such file, or lacks what is needed; see ``traffic_of_ways``.
     """
@@ -90,12 +74,6 @@ def traffic_of_ways(
     ways: Sequence[Way], lines: Mapping[str, MiddleLine], path: Path, left_out: Mapping[str, int]
 ) -> ReadTraffic:
     """Return ways as traffic in the plane.
-
-    Args:
-        ways: One of each vehicle.
-        lines: The lanes by name; none where there is no map.
-        path: The file, for messages.
-        left_out: How many vehicles were left out, by reason.
 
     Raises:
         InputError: There is no vehicle, one has no name of its own, or a value can't be.

@@ -24,10 +24,8 @@ class Clocked:
 
     Attributes:
         rows: The rows, sorted by stay and time; ``time_s`` is on the clock, from 0.
-        step: Tick of each row, shape (n,).
         stay: Stay of each row, an index into ``Stays``, shape (n,).
         filled: How many rows lie in pauses longer than the usual interval.
-        in_plane: Whether the road frame is the plane.
     """
 
     rows: Rows

@@ -21,19 +21,7 @@ Selection = npt.NDArray[np.bool_] | IntArray
 
 @dataclass(frozen=True)
 class Rows:
-    """Vehicle-times, struct of arrays of shape (n,); what a file does not state is nan.
-
-    Attributes:
-        vehicle: Index into the names of the vehicles.
-        time_s: Time on the file's own clock.
-        lon_m: Longitudinal position of the centre.
-        lat_m: Lateral position of the centre.
-        heading_rad: Heading against the road.
-        speed_mps: Longitudinal speed.
-        lat_speed_mps: Lateral speed.
-        length_m: Length.
-        width_m: Width.
-    """
+    """Vehicle-times by the file's own clock, places are of middles, arrays of shape (n,); nan if not stated."""
 
     vehicle: IntArray
     time_s: FloatArray
@@ -58,9 +46,7 @@ class ReadTraffic:
     """A file's content.
 
     Attributes:
-        road: The road whose frame the rows are in.
         names: Name of each vehicle, shape (v,), unique.
-        rows: The vehicle-times in the file's order.
         vehicles_read: How many vehicles the file has, those that were left out among them.
         left_out: How many vehicles were left out, by reason.
     """
@@ -89,15 +75,6 @@ def rows_in(
     """Return vehicle-times that are known in the Cartesian plane in a road's frame.
 
     Lateral speeds stay unknown: lanes' directions scatter too much for the drift to follow from the heading.
-
-    Args:
-        road: The road.
-        origin_xy: Coordinates of the origin of its plane.
-        vehicle: Index into the names, shape (n,), n at least 1.
-        time_s: Times, shape (n,).
-        place: x and y of the centres and headings, each (n,).
-        speed_mps: Speeds along the headings, shape (n,).
-        size_m: Lengths and widths, each (n,).
     """
     x, y, direction = place[0] - origin_xy[0], place[1] - origin_xy[1], place[2]
     # Of a bent road as many pieces at a time as fit in memory.

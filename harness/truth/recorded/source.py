@@ -16,14 +16,6 @@ def open_recorded_traffic(
 ) -> RecordedTrafficTruth:
     """Read recorded traffic.
 
-    Args:
-        path: The file, or the folder of a format that has one.
-        format_name: Name of its format, see ``harness.truth.recorded.formats``.
-        net: Network that the traffic drove on; ``recording`` takes the road from the file.
-        ego: Which vehicles carry the sensor, see ``harness.truth.recorded.egos.plan_egos``.
-        duration_s: How much of the recording is used.
-        start_s: From where on.
-
     Raises:
         InputError: The file is missing, broken, or contradicts itself, or there is no such vehicle.
     """
@@ -37,15 +29,7 @@ def open_recorded_traffic(
 
 
 class RecordedTrafficTruth:
-    """Frames of recorded traffic, one episode an ego.
-
-    Attributes:
-        road: The road; its section is the stretch on record.
-        step_s: Time between frames.
-        expected_steps: How many frames there are.
-        traffic: The traffic.
-        egos: The egos in turn.
-    """
+    """Frames of recorded traffic, one episode an ego; the road's section is the stretch on record."""
 
     def __init__(
         self, path: Path, format_name: str, traffic: RecordedTraffic, egos: tuple[EgoStay, ...], asked: str

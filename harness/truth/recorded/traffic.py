@@ -31,17 +31,7 @@ FRAME_COLUMNS = ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", 
 
 @dataclass(frozen=True)
 class ReadingCounts:
-    """What became of a file's vehicles and rows.
-
-    Attributes:
-        vehicles_read: Vehicles in the file.
-        vehicles_kept: Vehicles of them that are driven.
-        left_out: Vehicles left out, by reason.
-        rows_kept: Vehicle-times on the clock.
-        duplicates: Rows left out because vehicle and time were there already.
-        contradictions: Duplicates that gave another position.
-        filled: Vehicle-times filled in within pauses.
-    """
+    """What became of a file's vehicles and rows; contradictions are duplicates that gave another position."""
 
     vehicles_read: int
     vehicles_kept: int
@@ -61,10 +51,7 @@ class RecordedTraffic:
         window_m: Stretch of the road that is on record.
         step_starts: First row of each step and the row after the last, shape (steps + 1,).
         stay: Stay of each row, an index into ``names``, shape (n,).
-        names: Name of each stay, shape (s,).
         columns: The columns of ``Frame`` that are floats, each of shape (n,), and ``accel_mps2``.
-        lane: Lane number of each row, shape (n,).
-        counts: What became of the file's vehicles and rows.
         notes: What else the user should know, a line each.
     """
 
@@ -149,14 +136,7 @@ OnRecord = tuple[Road, tuple[float, float], IntArray]
 
 @singledispatch
 def _road_on_record(road: Road, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRecord:  # noqa: ARG001
-    """Return the road, the stretch of it that is on record, and the lane of each row, shape (n,).
-
-    Args:
-        road: The road, of one of the kinds that there are.
-        clocked: All that is on record.
-        stay: Stay of each of the rows that are driven, shape (n,).
-        rows: These rows.
-    """
+    """Return the road, the stretch of it that is on record, and the lane of each row, shape (n,)."""
     raise TypeError(f"{type(road).__name__} is no kind of road that traffic is recorded on")
 
 
@@ -173,11 +153,7 @@ def _(road: LaneGraphRoad, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRe
 
 
 def check_one_road(traffic: RecordedTraffic, path: Path) -> None:
-    """Refuse traffic of which no one road is known, where distances along it are needed.
-
-    Raises:
-        InputError: Its lanes lie in the plane.
-    """
+    """Refuse with an ``InputError`` traffic in the plane, where distances along a road are needed."""
     if not traffic.road.lanes:
         raise InputError(f"{path}: its lanes lead several ways; give a recording of one road, such as a motorway's")
 
@@ -188,11 +164,6 @@ def recorded_window(step: IntArray, stay: IntArray, lon_m: FloatArray) -> tuple[
     An edge is where at least three vehicles appear (or vanish) within 5 m while the recording runs; without such place
     the outermost position is taken. A single vehicle that strays beyond does not move the edge, nor does one that is
     lost half-way.
-
-    Args:
-        step: Step of each row, shape (n,).
-        stay: Stay of each row, sorted by stay and step, shape (n,).
-        lon_m: Longitudinal position of each row, shape (n,).
     """
     first = np.flatnonzero(np.diff(stay, prepend=-1))
     last = np.append(first[1:], len(stay)) - 1

@@ -19,10 +19,6 @@ class TrafficApart:
     def __init__(self, network: Network, start: Callable[[Callable[[], None]], TruthSource]) -> None:
         """Start the simulation and let it warm up.
 
-        Args:
-            network: The network.
-            start: Starts it in its process; takes what is to be called after each step.
-
         Raises:
             InputError: SUMO refuses the input or crashes over it.
             RunError: No vehicle ever appears.

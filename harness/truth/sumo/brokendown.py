@@ -30,11 +30,6 @@ STANDS_S = 1e6
 def place_broken_down(network: Network, count: int, seed: np.random.SeedSequence | int) -> list[Placement]:
     """Return where vehicles have broken down: one in each part of the section, those that follow in other lanes.
 
-    Args:
-        network: The network.
-        count: How many.
-        seed: Seed of the traffic; they have a stream of their own below it.
-
     Raises:
         InputError: The network has no main road of two lanes or more, or its section is too short for so many.
     """
@@ -68,10 +63,8 @@ def placed(
     """Return the placement of a standing vehicle on a main lane, on one edge and off its ends.
 
     Args:
-        network: A network with a main road.
         lane: Main lane, counted from the right, from 0.
         wished_m: Longitudinal position of its front bumper; it is moved as far as the edge's ends ask for.
-        vehicle: The vehicle.
         from_edge_end_m: How far from an end of the edge its front is at least.
     """
     edges = network.main_road.edges
@@ -91,13 +84,7 @@ def drawn_car(network: Network, rng: np.random.Generator) -> Vehicle:
 
 
 def stand(sumo: Sumo, name: str, placement: Placement) -> None:
-    """Put a vehicle on the road that stands there for good; it is there after SUMO's next step.
-
-    Args:
-        sumo: The simulation.
-        name: Its name.
-        placement: Where.
-    """
+    """Put a vehicle on the road that stands there for good; it is there after SUMO's next step."""
     vehicle, its = sumo.vehicle, placement.vehicle
     sumo.route.add(f"route of {name}", list(placement.route))
     place_m = f"{placement.position_m:.3f}"

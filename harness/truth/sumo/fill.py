@@ -22,16 +22,7 @@ FREE_SHARE = 0.97
 
 @dataclass(frozen=True)
 class Placement:
-    """A vehicle to be put on the road.
-
-    Attributes:
-        vehicle: The vehicle.
-        edge: Edge that it is put on.
-        lane_index: Lane, counted from the right as SUMO does.
-        position_m: Position of the front bumper on the edge.
-        speed_mps: Speed.
-        route: Edges from there on.
-    """
+    """A vehicle to be put on an edge, its lane counted from the right, its position that of the front bumper."""
 
     vehicle: Vehicle
     edge: str

@@ -41,14 +41,7 @@ REMEMBERED_LANES = 4
 
 @dataclass(frozen=True)
 class Body:
-    """What of a vehicle never changes.
-
-    Attributes:
-        length_m: Its length.
-        width_m: Its width.
-        kind: SUMO's class of vehicles that it is of.
-        departure_s: When it set out.
-    """
+    """What of a vehicle never changes; ``kind`` is SUMO's class of vehicles."""
 
     length_m: float
     width_m: float
@@ -73,9 +66,7 @@ class Snapshot:
     """All vehicles of a network and persons on foot at one instant, struct of arrays over n of them.
 
     Attributes:
-        time_s: SUMO's time.
         row: Place of each vehicle in the arrays, by its name.
-        body: What never changes of each.
         front_x: Where the middle of its front bumper is, metres, shape (n,).
         front_y: The same.
         heading_rad: Its heading, counter-clockwise from x, shape (n,).
@@ -218,12 +209,6 @@ def pulled(
 
     SUMO's vehicles can also change lanes sideways. What of a step goes farther sideways than forwards moves the whole
     body, so that it does not turn it.
-
-    Args:
-        before: Where the front was.
-        rear: Where the rear axle was.
-        front: Where the front is.
-        arm_m: How far the one is from the other.
     """
     cosine, sine = (before[0] - rear[0]) / arm_m, (before[1] - rear[1]) / arm_m
     step_x, step_y = front[0] - before[0], front[1] - before[1]

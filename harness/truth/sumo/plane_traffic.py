@@ -52,15 +52,7 @@ class PlaneTraffic:
     def __init__(
         self, running: RunningSumo, network: Network, plane: PlaneNetwork, reach_m: float, inflow: Inflow | None
     ) -> None:
-        """Take over a simulation.
-
-        Args:
-            running: The simulation.
-            network: The network.
-            plane: Its lanes.
-            reach_m: How far from an ego vehicles count and hide; without one all do.
-            inflow: What holds the density; none where the demand is the user's own.
-        """
+        """Take over a simulation; vehicles farther than ``reach_m`` from an ego neither count nor hide."""
         self._running, self._network, self._plane = running, network, plane
         self._reach_m, self._inflow = reach_m, inflow
         self._reader = PlaneReader(running.sumo, plane)
@@ -131,10 +123,7 @@ class PlaneTraffic:
         return replace(frame, **columns, ego=int(np.flatnonzero(kept == me)[0]))
 
     def _smoothed(self, window: Sequence[Snapshot], names: Sequence[str], step: int) -> Frame:
-        """Return some vehicles of the window's middle snapshot, smoothed.
-
-        Before a vehicle has come and after it has left it is taken to go on evenly, so that none is left out.
-        """
+        """Return vehicles of the window's middle, smoothed; before they come and after they leave they go on evenly."""
         middle = window[self.lead]
         place, direction = _tracks(window, names)
         weights = hann_weights(self.lead - 1)
@@ -217,13 +206,7 @@ def _candidates(snapshot: Snapshot) -> tuple[IntArray, IntArray]:
 
 
 def lanes_of(lanes: Sequence[tuple[int, ...]], graph: LaneGraph, place: FloatArray) -> IntArray:
-    """Return the lane that each vehicle's middle is on, (n,): the last one that it has entered with more than its nose.
-
-    Args:
-        lanes: The lanes that each one's front was on, the present one first, ``NOWHERE`` off the graph.
-        graph: The lanes.
-        place: The middles, metres, shape (n, 2).
-    """
+    """Return the lane that each vehicle's middle is on, (n,): the last one that it has entered beyond its nose."""
     found = np.array([entered[0] for entered in lanes], dtype=np.int64)
     settled = found == NOWHERE
     for k in range(max(map(len, lanes), default=0)):

@@ -15,11 +15,7 @@ class Vehicle:
 
     Attributes:
         kind: ``car``, ``truck`` or ``motorcycle``: the base type's name.
-        length_m: Length.
-        width_m: Width.
-        minimum_gap_m: Gap kept at standstill.
         headway_s: Time headway kept beyond it.
-        accel_mps2: Largest acceleration.
         speed_factor: Desired speed over the speed limit.
         lateral_offset_m: Where in its lane the driver likes to be, from the middle, positive to the left.
         assertiveness: SUMO's ``lcAssertive``; None for what the vehicle's type says.

@@ -66,13 +66,7 @@ def read_frame(sumo: Sumo, road: CorridorRoad, step: int, time_s: float) -> Fram
 
 @dataclass(frozen=True)
 class Load:
-    """How much traffic there is on the road's lanes, ramps left out.
-
-    Attributes:
-        approaching: Vehicles before the section.
-        inside: Vehicles in the section.
-        mean_speed_mps: Mean speed of those in the section; 0 for none.
-    """
+    """How many vehicles are on the road's lanes before and in the section, and the mean speed inside; 0 for none."""
 
     approaching: int
     inside: int

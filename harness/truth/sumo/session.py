@@ -19,13 +19,7 @@ QUIET = ("--no-warnings", "true", "--no-step-log", "true", "--duration-log.disab
 
 
 class Sumo(Protocol):
-    """What is used of SUMO's interface: of the module ``libsumo``, or of a ``harness.truth.sumo.window.SumoWindow``.
-
-    Attributes:
-        vehicle: Commands on vehicles; so on with persons, lanes, edges, routes, signals and the simulation.
-        TraCIException: Raised where SUMO refuses a command.
-        FatalTraCIError: Raised where SUMO is gone.
-    """
+    """What is used of SUMO's interface: of the module ``libsumo``, or of ``harness.truth.sumo.window.SumoWindow``."""
 
     vehicle: Any
     person: Any
@@ -108,12 +102,7 @@ def stop_sumo(sumo: Sumo) -> None:
 
 
 class RunningSumo:
-    """A SUMO simulation that has started: it goes on step by step, and is ended once.
-
-    Attributes:
-        sumo: Its interface.
-        before_step: Called before each of its steps, with its time in seconds.
-    """
+    """A started SUMO simulation, advanced step by step; ``before_step`` gets the time in seconds before each."""
 
     def __init__(self, sumo: Sumo, on_close: Callable[[], None], on_step: Callable[[], None] | None = None) -> None:
         """Take over a simulation; call ``on_step`` after each step, and ``on_close`` once, when it has ended."""
@@ -123,11 +112,7 @@ class RunningSumo:
         self._open = True
 
     def advance(self) -> None:
-        """Go one step on.
-
-        Raises:
-            SumoError: SUMO can't.
-        """
+        """Go one step on."""
         with sumo_errors_in_words(self.sumo):
             self.before_step(self.sumo.simulation.getTime())
             self.sumo.simulationStep()
@@ -148,11 +133,7 @@ def _one_line(error: Exception) -> str:
 
 @contextmanager
 def _silent_native_streams(complaints: Path | None = None) -> Iterator[None]:
-    """Keep what the C++ side writes to the process's own streams away from the screen and from what programs read.
-
-    Args:
-        complaints: File that takes what goes to standard error; None for nowhere.
-    """
+    """Keep what C++ writes off the streams; the file ``complaints`` takes what goes to standard error."""
     sys.stdout.flush()
     sys.stderr.flush()
     saved = os.dup(1), os.dup(2)

@@ -49,13 +49,10 @@ def open_traffic(
     """Start SUMO on a network, run the warm-up and return the truth that follows.
 
     Args:
-        network: The network.
         demand: Name of one of the network's demands, or a density to be held, vehicles per km and main lane, in the
             plane per km and lane of the whole network. If not given, the network's default demand is taken, and a
             density of 30 where it names none.
-        duration_s: How long frames are yielded for.
         seed: Seed of drivers, arrivals and SUMO's own randomness.
-        warm_up_s: How long the traffic runs before the first frame.
         ego: Whether an ego vehicle is chosen; without one a frame's ``ego`` is -1.
         gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
         reach_m: How far from the ego vehicles count and hide, on a network without a main road.
@@ -220,22 +217,12 @@ class RoadTraffic(Protocol):
             window: The readings, ``2 lead + 1``.
             step: Number of the frame.
             ego: The ego so far, empty for none: the frame's is it, or if it has left another one. None asks for none.
-
-        Returns:
-            The frame; None where no vehicle can be the ego.
         """
         ...
 
 
 class SumoTruth:
-    """Frames of a running SUMO simulation.
-
-    Attributes:
-        road: The road frame.
-        step_s: Time between frames.
-        expected_steps: How many frames there will be.
-        running: The simulation, for those who drive in it themselves.
-    """
+    """Frames of a running SUMO simulation, which is open to those who drive in it themselves."""
 
     def __init__(self, running: RunningSumo, road: Road, traffic: RoadTraffic, steps: int, ego: bool) -> None:
         """Take over a simulation that has started."""

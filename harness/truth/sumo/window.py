@@ -108,13 +108,7 @@ def first_error(text: str) -> str:
 
 
 class SumoWindow:
-    """A running sumo-gui, with what is used of the interface of the module ``libsumo``.
-
-    Attributes:
-        vehicle: Commands on vehicles; so on with persons, lanes, edges, routes and the simulation.
-        TraCIException: Raised where SUMO refuses a command.
-        FatalTraCIError: Raised where the window is gone.
-    """
+    """A running sumo-gui, with what is used of the interface of the module ``libsumo``."""
 
     def __init__(
         self, connection: Connection, process: subprocess.Popen[bytes], complaints: TemporaryDirectory[str]
@@ -192,11 +186,7 @@ def _program_in(package: Path) -> Path | None:
 
 
 def _connect(port: int, process: subprocess.Popen[bytes], complaints: Path) -> Connection:
-    """Return the connection to sumo-gui as soon as it takes one.
-
-    Raises:
-        InputError: It ends before, or takes none in time.
-    """
+    """Return the connection to sumo-gui as soon as it takes one; an ``InputError`` if it ends or takes too long."""
     import traci  # noqa: PLC0415
 
     tries = round(CONNECT_WITHIN_S / CONNECT_EVERY_S)

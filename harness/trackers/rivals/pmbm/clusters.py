@@ -116,14 +116,7 @@ def merged(clusters: Sequence[Cluster], limits: Limits) -> Cluster:
 
 
 def explained(cluster: Cluster, detections: Sequence[int], evidence: Evidence, limits: Limits) -> Outcome:
-    """Return a cluster after a scan: the best assignments of its detections under each global hypothesis.
-
-    Args:
-        cluster: Before it.
-        detections: The detections that may be its tracks'.
-        evidence: What the scan says.
-        limits: How many global hypotheses are kept.
-    """
+    """Return a cluster after a scan: the best assignments of its detections under each global hypothesis."""
     keys: list[tuple[Key | None, ...]] = []
     weights: list[float] = []
     for row, log_weight in zip(cluster.rows, cluster.log_weight, strict=True):
@@ -152,7 +145,6 @@ def united(cluster: Cluster, told: Sequence[Hashable | None]) -> Cluster:
     """Return a cluster in which the best of those global hypotheses that say the same stands for all of them.
 
     Args:
-        cluster: The cluster.
         told: What each single hypothesis says, none if it hardly counts; who says it makes no difference.
     """
     return _summed(cluster, [frozenset(told[single] for single in row if single != NO_TRACK) for row in cluster.rows])

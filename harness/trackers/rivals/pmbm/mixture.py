@@ -74,9 +74,6 @@ class Measured:
     """A scan as the filter takes it.
 
     Attributes:
-        time_s: When.
-        detections: The detections, d of them.
-        sizes_m: Their lengths and widths, shape (d, 2).
         seen: Probability with which each single hypothesis would be detected, shape (h,).
         clutter_density: Expected clutter a square metre, at each, shape (d,).
         newcomers: Expected number of detections a square metre, at each one, of vehicles never detected, shape (d,).
@@ -120,13 +117,7 @@ def nothing(scans: int = 0) -> Mixture:
 
 
 def updated_mixture(mixture: Mixture, measured: Measured, pruning: Pruning) -> Mixture:
-    """Return the beliefs after a scan.
-
-    Args:
-        mixture: Before it, predicted to its time.
-        measured: The scan.
-        pruning: What is left out.
-    """
+    """Return the beliefs after a scan."""
     singles, detections = mixture.singles, measured.detections
     pairs = pairs_of(singles.states.mean, singles.states.covariance, detections)
     inside = pairs.squared_distance <= pruning.gate_std**2
@@ -194,10 +185,7 @@ def _outcomes(clusters: Sequence[Cluster], inside: BoolArray, evidence: Evidence
 
 
 def _singles_after(singles: Singles, keys: Sequence[tuple[int, int]], measured: Measured) -> Singles:
-    """Return the single hypotheses that follow from those before and the detections, in the order of their keys.
-
-    Keys of newcomers have no hypothesis before them and so come first.
-    """
+    """Return the single hypotheses that follow, in the order of their keys; newcomers' come first."""
     table = np.array(keys, dtype=np.int64).reshape(-1, 2)
     is_new = table[:, 0] == NO_TRACK
     newly = table[is_new, 1]

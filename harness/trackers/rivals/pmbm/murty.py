@@ -25,7 +25,6 @@ def best_assignments(gain: FloatArray, count: int, worst_loss: float = math.inf)
 
     Args:
         gain: What each detection is worth to each track, minus infinity where it can't be its, shape (d, t).
-        count: How many assignments at most.
         worst_loss: Assignments that are worth this much less than the best are left out.
 
     Returns:

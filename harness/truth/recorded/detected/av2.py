@@ -47,10 +47,6 @@ def files_of(path: Path) -> tuple[Path, ...]:
 def read_av2(path: Path, with_map: bool = False) -> tuple[Drive, ...]:
     """Read a folder of logs, or one log's folder or annotations.
 
-    Args:
-        path: The folder or file.
-        with_map: Whether to read the logs' maps too.
-
     Raises:
         InputError: A file is missing or broken, or they contradict each other; the message names it.
     """

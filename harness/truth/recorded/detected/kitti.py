@@ -141,8 +141,6 @@ class LabelRows:
     """Rows of a label file, apart from those of no thing; arrays of shape (n,).
 
     Attributes:
-        frame: Frame of each.
-        kind: What each is.
         thing: Index into the names.
         names: The things' numbers in words, shape (v,).
         covered: Whether each is partly covered or cut off by the picture.
@@ -205,10 +203,7 @@ def boxes_in_plane(path: Path, frame: FloatArray, box: FloatArray, way: CameraWa
     """Return boxes that are in the camera's frame as they lie in the plane.
 
     Args:
-        path: The file, for the message.
-        frame: Frame of each, shape (n,).
         box: Rows of height, width, length, x, y, z of the bottom's middle and turn about y, shape (n, 7).
-        way: The camera's way.
 
     Raises:
         InputError: A box is impossible, or of a frame without a pose.

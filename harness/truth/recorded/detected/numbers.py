@@ -21,7 +21,6 @@ def words_of(path: Path, separator: str | None, least: int, what: str) -> list[l
     """Return the words of each line that is not blank.
 
     Args:
-        path: The file.
         separator: What stands between words; None for blanks.
         least: Words that a line has at least.
         what: What a line is of, for the message.
@@ -74,12 +73,6 @@ def check_way(path: Path, place: FloatArray) -> None:
 
 def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArray) -> None:
     """Refuse boxes that nothing on a road has.
-
-    Args:
-        path: The file, for the message.
-        step: Their steps, shape (n,).
-        size: Their extents, metres, shape (n, k).
-        place: Their places, metres, shape (n, k).
 
     Raises:
         InputError: A step is none of a drive, a size that of no vehicle, or a place too far away.

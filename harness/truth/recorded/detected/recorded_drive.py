@@ -16,16 +16,7 @@ EGO = "ego"
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes in the plane, struct of arrays of shape (n,).
-
-    Attributes:
-        step: Step of the drive.
-        x_m: Centre.
-        y_m: Centre.
-        heading_rad: Direction in which the front points.
-        length_m: Extent along the heading.
-        width_m: Extent across it.
-    """
+    """Boxes in the plane by their middles, struct of arrays of shape (n,); the heading is that of the front."""
 
     step: IntArray
     x_m: FloatArray
@@ -67,24 +58,14 @@ class Labels(Boxes):
 
 @dataclass(frozen=True)
 class GivenBoxes(Boxes):
-    """Boxes that a detector found; shape (d,).
-
-    Attributes:
-        score: How sure the detector was; the larger the surer.
-    """
+    """Boxes that a detector found, shape (d,); the larger the ``score``, the surer it was."""
 
     score: FloatArray
 
 
 @dataclass(frozen=True)
 class EgoPath:
-    """Where the recording car was at each step, in the plane; arrays of shape (steps,).
-
-    Attributes:
-        x_m: Place of the sensor.
-        y_m: The same.
-        heading_rad: Where the sensor looked.
-    """
+    """Where the recording car's sensor was at each step, in the plane; arrays of shape (steps,)."""
 
     x_m: FloatArray
     y_m: FloatArray
@@ -99,8 +80,6 @@ class Drive:
     """A drive in the plane, ten steps a second.
 
     Attributes:
-        name: What the data set calls it.
-        ego: The recording car's way.
         names: What each labelled thing is called, unique, shape (v,).
         labels: The labels, sorted by step.
         given: The detections, sorted by step.

@@ -64,12 +64,7 @@ class DriveOnClock:
     """A drive whose labels have speeds, and whose detections know what they are of."""
 
     def __init__(self, drive: Drive, first_lane: int) -> None:
-        """Work out what the drive's files don't say.
-
-        Args:
-            drive: The drive.
-            first_lane: Number of its first lane among those of all drives.
-        """
+        """Work out what the drive's files don't say; ``first_lane`` is its first one among the lanes of all drives."""
         labels, ego = drive.labels, drive.ego
         self.drive, self.motion = drive, motion_of(labels)
         self._given_starts = step_starts(drive.given.step, len(ego))
@@ -139,10 +134,6 @@ def lane_numbers(drive: Drive, first_lane: int) -> tuple[IntArray, IntArray]:
     """Return the numbers of the lanes that labels, (n,), and the recording car, (steps,), are on, ``NO_LANE`` for none.
 
     Labels that are no vehicles are on none.
-
-    Args:
-        drive: The drive.
-        first_lane: Number of its first lane.
     """
     labels, ego = drive.labels, drive.ego
     numbers = np.full(len(labels) + len(ego), NO_LANE)
@@ -182,12 +173,7 @@ def _parked(labels: Labels) -> BoolArray:
 
 
 def unseen(labels: Labels, origin: IntArray) -> BoolArray:
-    """Return which labels are in a time of ``UNSEEN_S`` or longer without a detection of their thing, shape (n,).
-
-    Args:
-        labels: The labels.
-        origin: Row of the label that each detection is of, or ``NOTHING``, shape (d,).
-    """
+    """Return which labels are in a time of ``UNSEEN_S`` or longer without a detection of their thing, shape (n,)."""
     seen = np.zeros(len(labels), dtype=np.bool_)
     seen[origin[origin != NOTHING]] = True
     order = np.lexsort((labels.step, labels.thing))
@@ -200,14 +186,7 @@ def unseen(labels: Labels, origin: IntArray) -> BoolArray:
 
 
 class DriveTruth:
-    """Frames of drives, one episode a drive.
-
-    Attributes:
-        road: The lanes of all drives, these laid apart; the plane without a map if none has any.
-        step_s: Time between frames.
-        expected_steps: How many frames there are.
-        drives: The drives.
-    """
+    """Frames of drives, one episode a drive; the road has all drives' lanes apart, or is the plane without any."""
 
     def __init__(self, path: Path, format_name: str, drives: Sequence[Drive]) -> None:
         """Take the drives in the order in which they are played."""
@@ -277,14 +256,6 @@ def open_drives(
     path: Path, format_name: str, drives: Sequence[Drive], duration_s: float, start_s: float, least_score: float
 ) -> DriveTruth:
     """Return the seconds that are used of each drive.
-
-    Args:
-        path: The file or folder.
-        format_name: Name of its format.
-        drives: What was read of it.
-        duration_s: How much of each drive is used.
-        start_s: From where on.
-        least_score: Detections of a lower score are left out.
 
     Raises:
         InputError: All drives have ended by then.
