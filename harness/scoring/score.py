@@ -19,15 +19,9 @@ from harness.storage import run_folder as runfolder
 
 @dataclass(frozen=True)
 class ScoredRun:
-    """A run's scores as they are written to its folder.
+    """A run's tables of ``harness.storage.schema`` and its ``metrics.json``, without timing and traffic.
 
-    Attributes:
-        errors: One row per vehicle and step, see ``harness.scoring.evidence.errors.error_table``.
-        metrics: The nested dictionary of ``metrics.json``, without timing and traffic.
-        events: One row per occlusion event, see ``harness.scoring.evidence.events.event_table``.
-        brakings: One row per missed or phantom braking, see ``brakings.braking_table``; None where no
-            driver was asked.
-        commands: One row per step, see ``harness.scoring.driving.brakings.command_table``; likewise.
+    ``brakings`` and ``commands`` are None where no driver was asked.
     """
 
     errors: pd.DataFrame
@@ -48,15 +42,12 @@ def score_run(
     """Score a run by the published rules.
 
     Args:
-        truth: One row per vehicle and step.
-        detections: One row per detection.
-        tracks: One row per track and step.
+        truth: The table of that name, as the next two.
+        detections: See ``harness.storage.schema``.
+        tracks: Likewise.
         seed: Seed of the bootstrap intervals.
         driven: The ego's driver and its road; None asks no driver.
         unseen: One row per stretch of lane and moment with the vehicles expected there without a track; None for none.
-
-    Returns:
-        The errors, metrics and occlusion events, and what the driver would do.
 
     Raises:
         ValueError: The tables contradict each other or hold unknown states.

@@ -20,12 +20,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Driven:
-    """Who is asked, and on which road.
-
-    Attributes:
-        driver: The driver.
-        road: The lanes.
-    """
+    """Who is asked, and on which road."""
 
     driver: Driver
     road: Road
@@ -36,9 +31,7 @@ class Asked:
     """What the driver would do at each step by the truth and by the tracks.
 
     Attributes:
-        driver: The driver.
-        egos: The ego at each step.
-        there: Steps at which there is one, shape (steps,).
+        there: Steps at which there is an ego, shape (steps,).
         bodies: The true vehicles, in the order of ``TruthRows``.
         truth: Its decision by the truth; bodies are rows of ``TruthRows``.
         tracks: Its decision by the tracks; bodies are places in ``track_row``.
@@ -68,18 +61,10 @@ def ask(
     rows: RunRows,
     settings: ScoringSettings,
 ) -> Asked:
-    """Return the driver's commands.
+    """Ask the driver, with a run's tables and their rows.
 
     A track counts as a vehicle from an existence of one half on; for one with less the driver slows down gently. The
     first seconds of each ego are not judged: no tracker can know the traffic yet.
-
-    Args:
-        driven: Who is asked.
-        truth: One row per vehicle and step.
-        detections: One row per detection.
-        tracks: One row per track and step.
-        rows: The same as arrays.
-        settings: The numbers of the rules.
     """
     egos, there = egos_of(truth, rows)
     bodies = tracked_bodies(detections, rows, egos, settings)

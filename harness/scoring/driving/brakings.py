@@ -38,9 +38,7 @@ class Brakings:
 
     Attributes:
         kind: Index into ``BRAKING_KINDS``.
-        first: Step at which it begins.
-        last: Its last step.
-        worst: Step at which truth and tracks differ most.
+        worst: Step between ``first`` and ``last`` at which truth and tracks differ most.
         truth_row: Row of ``TruthRows`` of the vehicle to blame at that step, -1 where there is none.
         track_row: Row of ``TrackRows`` of the track to blame or of the one on that vehicle, -1 where there is none.
         fate: Index into ``FATES``.

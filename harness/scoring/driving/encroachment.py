@@ -22,15 +22,10 @@ LONGEST_PIECE_M = 10.0
 
 
 def post_encroachment_times(egos: Egos, bodies: Bodies, rows: RunRows) -> FloatArray:
-    """Return the times of all encounters of the ego with vehicles whose paths cross its own, shape (k,).
+    """Return the times of all encounters of the ego with true vehicles whose paths cross its own, shape (k,).
 
     The crossing's conflict area is as wide as the two vehicles; an encounter of which the record lacks an entry or an
     exit is left out, and one in which both are there at once has the time 0.
-
-    Args:
-        egos: The ego at each step.
-        bodies: The true vehicles, in the order of ``TruthRows``.
-        rows: The run.
     """
     if rows.ego_direction_rad is None:
         return np.zeros(0)
@@ -53,12 +48,7 @@ def post_encroachment_times(egos: Egos, bodies: Bodies, rows: RunRows) -> FloatA
 
 @dataclass(frozen=True)
 class Encounter:
-    """Two vehicles at the place where their paths cross.
-
-    Attributes:
-        time_s: The post-encroachment time.
-        own_first: Whether the first path's vehicle came there first.
-    """
+    """The post-encroachment time of two vehicles, and whether the first path's one came to the crossing first."""
 
     time_s: float
     own_first: bool
@@ -109,11 +99,7 @@ def encounter(
 ) -> Encounter | None:
     """Return the encounter at the first crossing of two paths; None where they don't cross, or one never gets there.
 
-    Args:
-        own: One path.
-        size: Length and width of the vehicle on it.
-        other: The other path.
-        others: Length and width of its vehicle.
+    Sizes are length and width of either path's vehicle.
     """
     crossing = _first_crossing(own, other)
     if crossing is None:

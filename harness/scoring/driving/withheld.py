@@ -25,10 +25,8 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 class WithheldAhead:
     """Whether the tracker withholds the ego's leader at each step, shape (steps,).
 
-    Attributes:
-        decisive: The vehicle without which the driver would brake least is withheld.
-        leader: The vehicle right ahead is.
-        collision_s: Time to collision with the latter, infinite where the gap does not close.
+    ``decisive`` is the vehicle without which the driver would brake least, ``leader`` that right ahead, to which
+    ``collision_s`` is the time, infinite where the gap does not close.
     """
 
     decisive: BoolArray
@@ -38,13 +36,10 @@ class WithheldAhead:
     def misses(self, needed: FloatArray, done: FloatArray, settings: ScoringSettings) -> BoolArray:
         """Return where the driver ought to brake for a withheld vehicle and by the tracks does not, shape (steps,).
 
-        It ought to where by the truth it brakes, and the tracks then have it brake less by the difference of braking
-        and not braking at all (1 m/s²) or more; and where the time to collision is short, and it does not brake.
-
-        Args:
-            needed: Acceleration that the driver demands by the truth.
-            done: What it demands by the tracks.
-            settings: The numbers of the rules.
+        It ought to where by the truth it brakes (``needed``), and the tracks then have it brake less (``done``) by the
+        difference of braking and not braking at all (1 m/s²) or more; and where the time to collision is short, and it
+        does
+        not brake.
         """
         least = settings.rolls_mps2 - settings.brakes_mps2
         brakes_less = (needed <= settings.brakes_mps2) & (done > needed + least)

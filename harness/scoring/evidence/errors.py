@@ -21,14 +21,11 @@ TRACKED, MISSED, LOST, HIJACKED, UNTRACKED = range(5)
 
 @dataclass(frozen=True)
 class ErrorArrays:
-    """The numbers of the error table, struct of arrays of shape (n,).
+    """The numbers of the error table, struct of arrays of shape (n,); ``outcome`` and ``state`` are indices.
 
-    Attributes:
-        vehicle: Code of the vehicle.
-        absolute: Absolute errors of longitudinal and lateral position, longitudinal and lateral speed, shape (n, 4).
-        state: Index into the visibility states.
-        seconds_hidden: Time since the last detection, 0 where not hidden.
-        outcome: Index into ``OUTCOMES``.
+    ``absolute`` has the absolute errors of longitudinal and lateral position, longitudinal and lateral speed, shape (n,
+    4);
+    ``seconds_hidden`` is 0 where not hidden.
     """
 
     vehicle: IntArray

@@ -21,7 +21,6 @@ class OcclusionEvents:
     Attributes:
         onset_row: Truth row of the last detection before.
         return_row: Truth row of the re-detection.
-        duration_s: Time between the two.
         track_id: The track that held the vehicle at the onset, -1 if none.
         hijacked: 0.5 s after re-detection that track is matched to another vehicle.
         lost: It is no longer reported then, or there was none.

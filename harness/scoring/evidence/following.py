@@ -30,7 +30,6 @@ class Following:
         distance_m: Distance of each vehicle's track, the cut-off where nobody follows it, shape (n,).
         track_row: Row of that track, -1 if none, shape (n,).
         idle: Reported tracks that follow nobody, shape (m,) along ``TrackRows``.
-        cutoff_m: The cut-off.
     """
 
     counted: BoolArray

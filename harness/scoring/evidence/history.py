@@ -18,8 +18,7 @@ class DetectionHistory:
     Attributes:
         last_row: Row of the vehicle's last detection at or before this row; -1 if it was never detected.
         since_s: Time since that detection; infinite if there is none.
-        identity: Truth identity; a vehicle that goes undetected for longer than the memory returns as a new one.
-            -1 before the first detection.
+        identity: Truth identity, new after more than the memory without detection; -1 before the first detection.
         count: Detections of that identity so far.
     """
 

@@ -14,13 +14,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of a vehicle and a track of one step that lie near each other, struct of arrays of shape (p,).
-
-    Attributes:
-        truth: Row of ``TruthRows``.
-        track: Row of ``TrackRows``.
-        similarity: ``similarity`` of the two, in (0, 1]; 0.5 on the edge of the gate.
-    """
+    """Rows of a vehicle and a track of one step that lie near each other, and their ``similarity``; shape (p,)."""
 
     truth: IntArray
     track: IntArray

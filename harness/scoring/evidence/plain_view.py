@@ -40,13 +40,7 @@ class PlainView:
 
 
 def plain_view(truth: pd.DataFrame, rows: RunRows, settings: ScoringSettings) -> PlainView:
-    """Find the vehicle-steps in plain view.
-
-    Args:
-        truth: The table of truth, which has the ego's place.
-        rows: The run as arrays.
-        settings: The numbers of the rules.
-    """
+    """Find the vehicle-steps in plain view in the table of truth, which has the ego's place."""
     vehicles = rows.truth
     ego_lon, ego_lat = _ego_places(truth, rows)
     away_m = np.hypot(vehicles.lon_m - ego_lon[vehicles.step], vehicles.lat_m - ego_lat[vehicles.step])

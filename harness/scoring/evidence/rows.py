@@ -20,23 +20,18 @@ class TruthRows:
 
     Attributes:
         step: Index of the step among the run's steps, from 0.
-        time_s: Time of the step.
         vehicle: Code of the vehicle within its episode; the same name in another episode is another vehicle.
         name_row: Row of the truth table that this row comes from.
-        lon_m: Longitudinal position.
-        lat_m: Lateral position.
-        speed_mps: Longitudinal speed.
-        lat_speed_mps: Lateral speed.
         in_range: Within the sensor's range, and not at or beyond the edge of what the source knows of the road.
         state: Index into ``harness.storage.schema.VISIBILITY_STATES``.
         detected: At least one detection came from the vehicle at this step.
         direction_rad: Direction against the longitudinal axis that its gates and errors are taken along; 0 on a road
             that has a frame of its own.
-        accel_mps2: Longitudinal acceleration; None where the table does not tell.
+        accel_mps2: None where the table does not tell.
         parked: Whether the vehicle stands in one place for as long as it is on record; None where the source does not
             tell.
-        pseudo_hidden_s: Length of the time for which the vehicle is hidden on purpose, 0 where it is not; None where no
-            vehicle ever is.
+        pseudo_hidden_s: Length of the time for which it is hidden on purpose, 0 where it is not; None where none ever
+            is.
     """
 
     step: IntArray
@@ -68,18 +63,10 @@ class TrackRows:
 
     Attributes:
         step: Index of the step among the run's steps.
-        track: Code of the track within its episode, from 0.
-        track_id: The tracker's own number.
+        track: Code of the track within its episode, from 0; ``track_id`` is the tracker's own number.
         table_row: Row of the table of tracks that this row comes from.
-        lon_m: Longitudinal position.
-        lat_m: Lateral position.
-        speed_mps: Longitudinal speed.
-        lat_speed_mps: Lateral speed.
-        std_lon_m: Standard deviation of the longitudinal position.
-        std_lat_m: Standard deviation of the lateral position.
-        std_speed_mps: Standard deviation of the speed.
         unknowable: At or beyond the edge of what the source knows of the road, so that no vehicle there is on record.
-        accel_mps2: Longitudinal acceleration; None where the table does not tell.
+        accel_mps2: None where the table does not tell.
     """
 
     step: IntArray
@@ -102,14 +89,8 @@ class TrackRows:
 
 @dataclass(frozen=True)
 class DetectionRows:
-    """All detections as trackers receive them, with their origins; arrays of shape (d,).
-
-    Attributes:
-        step: Index of the step among the run's steps.
-        truth_row: Row of ``TruthRows`` that each came from, -1 for clutter.
-        lon_m: Measured longitudinal position.
-        lat_m: Measured lateral position.
-        direction_rad: Direction that its gate lies along, as that of ``TruthRows``.
+    """All detections as a tracker gets them, their row of ``TruthRows`` (-1 for clutter) and their gate's direction;
+    (d,).
     """
 
     step: IntArray
@@ -124,13 +105,9 @@ class RunRows:
     """A run as arrays.
 
     Attributes:
-        time_s: Time of each step, shape (steps,).
-        episode: Episode of each step, shape (steps,).
-        truth: The vehicles.
-        detections: The detections, clutter included.
-        tracks: The reported tracks.
-        ego_direction_rad: Direction of the ego at each step, as that of ``TruthRows``, nan at a step without one,
-            shape (steps,); None on a road that has a frame of its own.
+        time_s: Time of each step, shape (steps,), as ``episode``.
+        ego_direction_rad: Direction of the ego at each step, as that of ``TruthRows``, nan at a step without one, shape
+            (steps,); None on a road that has a frame of its own.
         hidden_by_wall: Whether walls hide more of each vehicle than other vehicles do, shape (n,) along ``truth``; None
             on a road without walls.
         on_roundabout: Whether each vehicle is on a roundabout, shape (n,) along ``truth``; None where none is known.
@@ -149,22 +126,15 @@ class RunRows:
 def read_run(
     truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame, edge_m: float = ScoringSettings().gate_lon_m
 ) -> RunRows:
-    """Turn the three tables of a run into arrays.
+    """Turn the three tables of a run, see ``harness.storage.schema``, into arrays.
 
-    Args:
-        truth: The table of truth, see ``harness.storage.schema``; a missing column ``episode`` means a single episode.
-        detections: That of detections.
-        tracks: That of tracks.
-        edge_m: How far from the window's ends a vehicle or track already counts as beyond it: a vehicle just inside
-            may have its track just outside.
-
-    Returns:
-        The run's arrays.
+    Without the column ``episode`` there is a single one. A vehicle or track counts as beyond the window's ends from
+    ``edge_m`` inside them on, since a vehicle just inside may have its track just outside.
 
     Raises:
-        ValueError: A detection or track has a step that truth does not have, a truth state or track state is
-            unknown, a detection or reported track has a position that is not finite, a direction is not finite, or a
-            reported track is there twice at one step.
+        ValueError: A detection or track has a step that truth does not have, a truth state or track state is unknown, a
+            detection or reported track has a position that is not finite, a direction is not finite, or a reported
+            track is there twice at one step.
     """
     truth_step = _ints(truth, "step")
     steps, first_row, step_index = np.unique(truth_step, return_index=True, return_inverse=True)

@@ -10,27 +10,21 @@ class ScoringSettings:
     """Gates, times and counts of the scoring rules; the defaults are the rules that results are published under.
 
     Attributes:
-        gate_lon_m: Longitudinal gate of a match.
-        gate_lat_m: Lateral gate of a match.
         in_sight_detections: Detections that a vehicle needs to count as in sight.
         in_sight_s: Longest time since the last detection of a vehicle in sight, or near a track in sight.
         memory_s: A vehicle that goes undetected for longer ends as a truth identity and returns as a new one.
         hold_s: A track holds a vehicle at its last detection if it was matched to it at most this long before.
-        event_s: Shortest time without detection of an occlusion event.
-        event_short_s: Longest time without detection of a short occlusion event.
+        event_s: Shortest time without detection of an occlusion event; at most ``event_short_s`` of a short one.
         event_hidden_share: Share of that time for which the vehicle must be hidden.
         event_detections: Detections that the vehicle needs in the ``event_history_s`` before.
-        event_history_s: Length of the history of an occlusion event.
         event_judged_s: Time from re-detection to judgement.
         reacquire_limit_s: Longest time from re-detection to re-acquisition.
         prompt_s: A vehicle that becomes visible should have a track after this time.
         hidden_bins_s: Edges of the bins of the time since the last detection.
         follow_cutoff_m: Distance from which a track does not follow a vehicle, and what a vehicle costs that none does.
-        gospa_cutoff_m: Cut-off distance c of GOSPA.
-        gospa_order: Order p of GOSPA.
+        gospa_cutoff_m: Cut-off distance c of GOSPA, whose order p is ``gospa_order``.
         bootstrap_draws: Resamples behind each interval.
-        brakes_mps2: Acceleration at or below which a driver brakes.
-        rolls_mps2: Acceleration above which it does not.
+        brakes_mps2: Acceleration at or below which a driver brakes; above ``rolls_mps2`` it does not.
         decision_s: Shortest time for which truth and tracks must differ for a missed or a phantom braking.
         driver_existence: Existence from which a driver takes a track for a vehicle; for one with less it brakes gently.
         driver_settled_s: Time from the beginning of an ego's stay until its driver's decisions are judged.
@@ -41,8 +35,7 @@ class ScoringSettings:
         plain_view_vehicle_s: Shortest time in plain view of a vehicle that is ranked, or counts as never reported.
         worst_share: Share of the vehicles that are the worst.
         dropped_s: Shortest time in plain view without its track of a vehicle that is dropped.
-        standing_mps: Speed below which a vehicle stands.
-        standing_s: Time from which it is stopped.
+        standing_mps: Speed below which a vehicle stands; it is stopped after ``standing_s`` of that.
         flowing_mps: Mean speed of the others above which it is stopped amid traffic.
         existence_track_steps: Track-steps from which a tenth of the stated existence is judged.
     """

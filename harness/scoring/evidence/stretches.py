@@ -36,9 +36,6 @@ def missed_stretches(
     Args:
         differ: The driver brakes by the truth and does not by the tracks, shape (steps,).
         withheld: It does not brake by the tracks as it ought to for a vehicle withheld in plain view, same shape.
-        episode: Episode of each step.
-        step_s: Time that each step stands for.
-        settings: The numbers of the rules.
     """
     holds = differ | withheld
     until_s = np.cumsum(step_s)

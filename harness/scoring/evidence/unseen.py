@@ -22,11 +22,7 @@ LINE = ["from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m"]
 
 @dataclass(frozen=True)
 class Stretches:
-    """Stretches of lane at some moments, struct of arrays of shape (n,).
-
-    Attributes:
-        expected: How many vehicles without a track are expected there.
-        counted: How many there are.
+    """Vehicles without a track that are expected and that there are on stretches of lane at some moments, shape (n,).
     """
 
     expected: FloatArray

@@ -42,11 +42,9 @@ DEVIATIONS = ["std_lon_m", "std_lat_m", "std_speed_mps"]
 class CalibrationPart:
     """How the errors of followed vehicles in a stretch compare with their deviations.
 
-    Attributes:
-        nees: Normalised squared error of each estimate that has a deviation, shape (n,).
-        hidden: Whether its vehicle is hidden, shape (n,).
-        inside: Errors within 1.96 deviations, of vehicles that are not hidden and of those that are, shape (2, 3).
-        usable: Errors that have a deviation, likewise.
+    ``nees`` is that of each estimate that has a deviation, shape (n,). ``inside`` counts errors within 1.96 deviations,
+    of
+    vehicles that are not hidden and of those that are, shape (2, 3); ``usable`` those that have a deviation.
     """
 
     nees: FloatArray
@@ -86,19 +84,17 @@ def calibration_by_visibility(parts: Sequence[CalibrationPart], basis: Basis) ->
 
 
 def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
-    """Compare errors with their claimed deviations.
+    """Compare errors of position along, across and speed with their claimed deviations, both of shape (n, 3).
 
-    Args:
-        error: Errors of longitudinal position, lateral position and speed, shape (n, 3).
-        std: Their claimed standard deviations, shape (n, 3); an error whose deviation is nan or not positive is left
-            out.
+    An error whose deviation is nan or not positive is left out.
 
     Returns:
         ``nees``: normalised estimation error squared over the three, divided by their number: 1 is honest, above is
-        over-confident. Correlations are not reported by tracks, so it is the NEES of a diagonal covariance (Bar-Shalom
-        et al. 2001, section 5.4.2). ``nees_median``: its median, which a few far-off tracks do not move; an honest
-        filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom). ``coverage95``: percent of
-        errors within 1.96 standard deviations, of each quantity. ``n``: number of estimates. nan without estimates.
+            over-confident. Correlations are not reported by tracks, so it is the NEES of a diagonal covariance
+            (Bar-Shalom et al. 2001, section 5.4.2). ``nees_median``: its median, which a few far-off tracks do not
+            move; an honest filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom).
+            ``coverage95``: percent of errors within 1.96 standard deviations, of each quantity. ``n``: number of
+            estimates. nan without estimates.
     """
     part = _measured(error, std, np.zeros(len(error), dtype=bool))
     return _calibrated(part.nees, part.inside[0], part.usable[0])

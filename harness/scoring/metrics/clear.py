@@ -18,15 +18,11 @@ CONTINUITY_BONUS = 1000.0
 
 @dataclass(frozen=True)
 class ClearScores:
-    """CLEAR scores of a sequence.
+    """CLEAR scores of a sequence: rows with and without a partner, switches of identity and fragmentations.
 
-    Attributes:
-        mota: ``(matches - false_tracks - id_switches) / truth rows``, at most 1.
-        matches: Truth rows with a track.
-        missed: Truth rows without a track.
-        false_tracks: Track rows without a vehicle.
-        id_switches: Matches to another track than the vehicle's last one, however long ago that was.
-        fragmentations: Times that a vehicle's tracking stopped and went on, be it because the vehicle was absent.
+    An ``id_switch`` is a match to another track than the vehicle's last one, however long ago that was; a fragmentation
+    is
+    when its tracking stopped and went on, be it because the vehicle was absent. ``mota`` is at most 1.
     """
 
     mota: float
@@ -56,12 +52,7 @@ def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearSco
 
 @dataclass(frozen=True)
 class ClearMatches:
-    """The matches of CLEAR, each vehicle's in the order of time, vehicle after vehicle; arrays of shape (matches,).
-
-    Attributes:
-        truth: Truth row of each match.
-        track: Track row of each match.
-    """
+    """Rows of the matches of CLEAR, each vehicle's in the order of time, vehicle after vehicle, shape (matches,)."""
 
     truth: IntArray
     track: IntArray

@@ -60,7 +60,6 @@ class Driven:
     """What the ego did by its belief, and what it had before it; by the truth, at each of n steps, shape (n,).
 
     Attributes:
-        speed_mps: Its speed.
         gap_m: Clear distance to whoever is right ahead, infinite for nobody.
         leader_mps: Speed of that vehicle, 0 for nobody.
         demanded_mps2: Acceleration that the driver demands by the belief.
@@ -80,13 +79,11 @@ class Driven:
 
 @dataclass(frozen=True)
 class Contact:
-    """The first moment at which the ego's body and another's overlap.
+    """The first moment at which the ego's body and another's overlap, ``time_s`` since the hand-over.
 
-    Attributes:
-        vehicle_id: The other.
-        time_s: When, since the hand-over.
-        impact_mps: Difference of their speeds along the road, not negative.
-        into: Whether the ego ran into the other; else it was run into.
+    ``impact_mps`` is the difference of their speeds along the road, not negative; ``into`` says whether the ego ran
+    into
+    the other, else it was run into.
     """
 
     vehicle_id: str
@@ -138,13 +135,10 @@ def score_crossing(crossed: Crossed) -> dict[str, object]:
 
 
 def score_drive(driven: Driven, ended: str, contact: Contact | None, settings: ScoringSettings) -> dict[str, object]:
-    """Score an episode's drive.
+    """Score an episode's drive, its steps from the hand-over on, at least two.
 
     Args:
-        driven: The steps from the hand-over on, at least two.
         ended: Why it ended: one of the words of this module.
-        contact: Its collision; None for none.
-        settings: What a missed and a phantom braking is.
 
     Returns:
         The table ``drive`` of its row. Shares are of the time that it drove; what there is none of is None.

@@ -35,12 +35,8 @@ def deceleration_to_avoid(gap_m: FloatArray, speed_mps: FloatArray, leader_mps: 
 
 @dataclass(frozen=True)
 class ConflictPart:
-    """The ego's conflicts in a stretch.
-
-    Attributes:
-        ttc_s: Time to collision with whoever is right ahead at each step with an ego, infinite for none.
-        drac_mps2: Deceleration to avoid a collision with it, likewise, 0 for none.
-        pet_s: Post-encroachment times of the ego and vehicles whose paths cross its own.
+    """Time to collision with whoever is ahead, infinite for none, and DRAC, 0 for none, at each step; and encounters'
+    PET.
     """
 
     ttc_s: FloatArray

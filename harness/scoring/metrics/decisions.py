@@ -55,10 +55,8 @@ class DecisionPart:
     Attributes:
         difference_mps2: By the tracks less by the truth at each judged step, shape (n,).
         km: Distance that the ego drove at them.
-        kind: Of each missed or phantom braking, see ``Brakings``.
-        fate: Likewise.
+        kind: Of each missed or phantom braking, see ``Brakings``, as ``fate`` and ``withheld``.
         hidden: Whether the vehicle to blame was hidden or never in the sensor's range, of each.
-        withheld: Whether it was in plain view and withheld by the tracker, of each.
         lateness_s: Of each onset of braking.
         collision_time_error_s: Of each step with a short time to collision.
         forbidden: Gaps beside the ego that the truth forbids, over steps and sides.

@@ -29,11 +29,8 @@ QUANTITIES = (
 class ExistencePart:
     """Sums over the reported tracks in sight in a stretch, by tenths of the stated existence, shape (10,).
 
-    Attributes:
-        count: Track-steps.
-        stated: Sum of what they state.
-        real: Those with a vehicle within the gate.
-        squared: Sum of squares of the difference of the two, over all tenths.
+    ``real`` counts track-steps with a vehicle within the gate; ``squared`` is the sum over all tenths of the squared
+    difference of what is stated and that.
     """
 
     count: IntArray

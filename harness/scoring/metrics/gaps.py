@@ -50,16 +50,11 @@ QUANTITIES = _quantities()
 
 @dataclass(frozen=True)
 class GapsPart:
-    """What a stretch counts of moving and of parked vehicles; arrays of shape (2,).
+    """Counts of moving and of parked vehicles, shape (2,): gaps, and vehicle-steps in sight that are ``followed``.
 
-    Attributes:
-        known: Whether the source tells them apart.
-        events: Gaps.
-        same_id: Those of them after which a vehicle has its old track.
-        long_events: Gaps of a second and more.
-        long_same_id: The same of these.
-        followed: Vehicle-steps in sight that are followed.
-        error_sum: Sum of their distances from their tracks.
+    ``same_id`` counts the gaps after which a vehicle has its old track, ``error_sum`` adds up distances from tracks,
+    and
+    ``known`` says whether the source tells the two kinds apart.
     """
 
     known: bool

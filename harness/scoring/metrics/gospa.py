@@ -57,14 +57,11 @@ def gospa_remembered(parts: Sequence[FloatArray], basis: Basis) -> dict[str, flo
 def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, float]:
     """Score the sets of positions step by step, in the form of the reference's Proposition 1 (alpha = 2).
 
-    Args:
-        sequence: Truth and tracks; all pairs nearer than the cut-off must be among its pairs.
-        cutoff_m: Distance c from which a vehicle and a track have nothing to do with each other.
-        order: Order p.
+    All pairs nearer than the cut-off c must be among the sequence's pairs.
 
     Returns:
         Means over steps, nan without one: ``mean`` of the metric; ``localisation`` of the assigned pairs' summed
-        distances to the power of the order, ``missed`` and ``false`` of ``c^p / 2`` for each vehicle without a track
+        distances to the power of the order p, ``missed`` and ``false`` of ``c^p / 2`` for each vehicle without a track
         and each track without a vehicle. For order 1 all are metres, and the three parts add up to the mean.
     """
     return _means(_parts(sequence, cutoff_m, order), order)

@@ -42,16 +42,12 @@ QUANTITIES = _quantities()
 
 @dataclass(frozen=True)
 class CausePart:
-    """What a stretch counts of each of ``CAUSES``.
+    """Counts of each of ``CAUSES``, shape (2,), outcomes of shape (2, outcomes); ``known`` says whether there are
+    walls.
 
-    Attributes:
-        known: Whether there are walls to hide anybody.
-        n: Vehicle-steps hidden of vehicles once seen, shape (2,).
-        cost_m: Sum of their distances to the tracks that follow them, shape (2,).
-        outcomes: Vehicle-steps hidden by outcome of their track, shape (2, outcomes).
-        events: Occlusions, shape (2,).
-        same_id: Those of them after which the vehicle has its old track, shape (2,).
-        switched: Those of them after which it has another one, shape (2,).
+    ``n`` vehicle-steps hidden of vehicles once seen have distances that add up to ``cost_m``; of the ``events`` some
+    end
+    with the old track (``same_id``) and some with another one (``switched``).
     """
 
     known: bool
@@ -90,11 +86,9 @@ def measure_causes(evidence: Evidence) -> CausePart:
 def cause_between(by_wall: BoolArray, hidden: BoolArray, onset: IntArray, back: IntArray) -> IntArray:
     """Return what hid a vehicle for most of its hidden steps from one row to a later one, an index into ``CAUSES``.
 
-    Args:
-        by_wall: Whether walls hide more of the vehicle than others do, shape (n,) along the truth rows.
-        hidden: Whether it is hidden, shape (n,).
-        onset: First row of each time, shape (e,).
-        back: Last row of each, shape (e,).
+    ``by_wall`` (walls hide more of it than others do) and ``hidden`` are of shape (n,) along the truth rows, both ends
+    of
+    each time of shape (e,).
     """
     walls, all_hidden = (np.append(0, np.cumsum(each)) for each in (by_wall & hidden, hidden))
     of_walls, of_all = (each[back + 1] - each[onset] for each in (walls, all_hidden))

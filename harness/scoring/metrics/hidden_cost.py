@@ -33,12 +33,8 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class CostSums:
-    """A cost over the hidden vehicle-steps of a stretch.
-
-    Attributes:
-        total_m: Sum over all of them.
-        by_vehicle_m: Sum over each vehicle's, shape (vehicles, 1).
-        steps: Number of each vehicle's, same shape.
+    """A cost over hidden vehicle-steps: its sum, that over each vehicle's and their number, both of shape (vehicles,
+    1).
     """
 
     total_m: float
@@ -48,15 +44,10 @@ class CostSums:
 
 @dataclass(frozen=True)
 class HiddenPart:
-    """Sums over hidden vehicles in one part of a run.
+    """What is known of the ``n`` hidden vehicle-steps of a stretch, of which somebody follows ``followed``.
 
-    Attributes:
-        cost: Distances to the tracks that follow them.
-        own: Distances to the tracks that held them.
-        n: Vehicle-steps hidden.
-        followed: Those of them that somebody follows.
-        false_tracks: Reported tracks out of sight that follow nobody, over all scans.
-        scans: Number of scans.
+    ``cost`` is by the tracks that follow them, ``own`` by those that held them; ``false_tracks`` are reported, out of
+    sight and follow nobody.
     """
 
     cost: CostSums

@@ -17,13 +17,7 @@ THRESHOLDS = np.arange(0.05, 0.99, 0.05)
 
 @dataclass(frozen=True)
 class HotaScores:
-    """HOTA and its two halves, means over the thresholds, in [0, 1].
-
-    Attributes:
-        hota: Geometric mean of the two below per threshold, averaged.
-        deta: Detection accuracy.
-        assa: Association accuracy.
-    """
+    """HOTA and its two halves, detection and association accuracy, means over the thresholds, in [0, 1]."""
 
     hota: float
     deta: float
@@ -32,14 +26,7 @@ class HotaScores:
 
 @dataclass(frozen=True)
 class HotaPart:
-    """What HOTA counts in a sequence, or in a part of one that shares no identity with the others.
-
-    Attributes:
-        truths: Truth rows.
-        tracks: Track rows.
-        matched: Matches at each threshold, shape (thresholds,).
-        association: Sum of the matches' association scores at each threshold, shape (thresholds,).
-    """
+    """Rows, and at each threshold matches and the sum of their association scores, both of shape (thresholds,)."""
 
     truths: int
     tracks: int
@@ -65,13 +52,9 @@ def hota_of_parts(parts: Sequence[HotaPart]) -> HotaScores:
 
 @dataclass(frozen=True)
 class HotaCouples:
-    """What each couple of a truth identity and a track identity that were ever near counts.
+    """Each couple of a truth and a track identity that were ever near, shape (couples,).
 
-    Attributes:
-        truth: Truth identity of each couple, shape (couples,).
-        track: Its track identity, same shape.
-        matches: Its matches at each threshold, shape (couples, thresholds).
-        association: Their association score, same shape.
+    ``matches`` at each threshold and their ``association`` score are of shape (couples, thresholds).
     """
 
     truth: IntArray

@@ -10,12 +10,7 @@ from harness.scoring.evidence.sequence import MotSequence
 
 
 def identity(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> float:
-    """Return IDF1, in [0, 1], equal to TrackEval's; 0 without truth or without tracks.
-
-    Args:
-        sequence: Truth and tracks.
-        threshold: Least similarity of rows that may count as right.
-    """
+    """Return IDF1, in [0, 1], equal to TrackEval's; 0 without truth or without tracks."""
     matched, rows = measure_identity(sequence, threshold)
     return idf1(matched, rows)
 

@@ -54,15 +54,12 @@ class PlainViewPart:
     """Tracks of vehicles in plain view in one part of a run, arrays of shape (vehicles,) unless stated otherwise.
 
     Attributes:
-        counted: Vehicle-steps asked for.
-        followed: Those of them with a track.
-        counted_s: The time that they stand for.
+        counted: Vehicle-steps asked for, which stand for ``counted_s``; ``followed`` of them with a track.
         view_s: Time in plain view near the ego.
         first_s: Time in plain view near the ego before the first report there, all of it where there is none.
         reported: Whether it was ever reported there.
         drops: How often its track was dropped.
-        stopped: Vehicle-steps asked for of vehicles stopped amid traffic.
-        stopped_followed: Those of them with a track.
+        stopped: Vehicle-steps asked for of vehicles stopped amid traffic; ``stopped_followed`` of them with a track.
         losses: The worst vehicles never reported or dropped, as in ``vehicles``, of shape (at most 20,).
     """
 
@@ -80,15 +77,7 @@ class PlainViewPart:
 
 @dataclass(frozen=True)
 class _Spans:
-    """Times in plain view near the ego in which a vehicle has a track throughout, or none; shape (k,).
-
-    Attributes:
-        of_row: Span of each row in plain view near the ego, in order, shape (p,).
-        first: First row of each in ``TruthRows``.
-        followed: Whether it has a track.
-        fresh: Whether the vehicle comes into plain view with it.
-        lasts_s: How long it lasts.
-    """
+    """Times in plain view near the ego in which a vehicle has a track throughout, or none; shape (k,)."""
 
     of_row: IntArray
     first: IntArray
@@ -196,13 +185,8 @@ def _worst_first(losses: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def worst_share(counted: IntArray, followed: IntArray, chosen: BoolArray, share: float) -> IntArray:
     """Return the vehicles with the least recall, worst first: a share of the chosen, rounded down, but one at least.
 
-    Of vehicles with equal recall the one with more vehicle-steps is worse, then the one that comes first.
-
-    Args:
-        counted: Vehicle-steps asked for of each vehicle, shape (vehicles,).
-        followed: Those of them with a track.
-        chosen: Vehicles with enough of them, shape (vehicles,).
-        share: The share.
+    Of vehicles with equal recall the one with more vehicle-steps is worse, then the one that comes first; shapes are
+    (vehicles,).
     """
     vehicles = np.flatnonzero(chosen)
     recall = followed[vehicles] / counted[vehicles]

@@ -127,13 +127,7 @@ def mean_errors_by_visibility(parts: Sequence[ErrorPart], basis: Basis) -> dict[
 
 
 def mean_errors(absolute: FloatArray, vehicle: IntArray, rng: np.random.Generator, draws: int) -> dict[str, object]:
-    """Average absolute errors over rows.
-
-    Args:
-        absolute: Absolute errors, columns as in ``ErrorArrays``, shape (n, 4). nan is left out.
-        vehicle: Vehicle of each row, shape (n,).
-        rng: Source of the resamples.
-        draws: Number of resamples.
+    """Average absolute errors over rows, columns as in ``ErrorArrays``, shape (n, 4), and vehicles, shape (n,).
 
     Returns:
         Means, nan without rows, the number of rows ``n``, and the ends of each mean's 95 % bootstrap interval over

@@ -54,17 +54,10 @@ QUANTITIES = _quantities()
 
 @dataclass(frozen=True)
 class ManoeuvrePart:
-    """What a stretch counts of each of ``MANOEUVRES``.
+    """Counts of each of ``MANOEUVRES``, shape (5,), outcomes of hidden vehicle-steps of shape (5, outcomes).
 
-    Attributes:
-        in_plane: Whether there are directions to tell manoeuvres by.
-        has_roundabouts: Whether roundabouts are known.
-        followed: Vehicle-steps in sight that are followed, shape (5,).
-        in_sight: Vehicle-steps in sight, shape (5,).
-        error_sum: Sums of the followed ones' absolute errors of position and speed, shape (2, 5).
-        outcomes: Vehicle-steps hidden by outcome, shape (5, outcomes).
-        events: Occlusions, shape (5,).
-        same_id: Those of them after which a vehicle has its old track, shape (5,).
+    ``error_sum`` adds up the followed ones' absolute errors of position and speed, shape (2, 5); ``same_id`` counts the
+    events after which a vehicle has its old track.
     """
 
     in_plane: bool
@@ -97,9 +90,9 @@ def manoeuvres(rows: RunRows) -> IntArray:
 
 
 def heading_rate(truth: TruthRows) -> FloatArray:
-    """Return the mean rate of each vehicle's direction around each of its steps, rad/s, shape (n,).
+    """Return the mean rate of each vehicle's direction within a second to either side, rad/s, shape (n,).
 
-    It is taken over its record within a second to either side; 0 where that is shorter than a second.
+    It is 0 where the record around a step is shorter than a second.
     """
     if not len(truth):
         return np.zeros(0)
@@ -176,9 +169,7 @@ def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[st
 
 
 def manoeuvre_between(code: IntArray, onset: IntArray, back: IntArray) -> IntArray:
-    """Return the manoeuvre of each time from one row of a vehicle to a later one.
-
-    It is a roundabout or a turn in it, or that at its end.
+    """Return the manoeuvre of each time between two rows of a vehicle: a roundabout or turn in it, or that at its end.
     """
     manoeuvre = code[back]
     for turn in (LEFT, RIGHT, ROUNDABOUT):

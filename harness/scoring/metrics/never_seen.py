@@ -28,18 +28,11 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class NeverSeenPart:
-    """Sums over the stretches of lane of a stretch of a run.
+    """Sums over the stretches of lane of a stretch of a run; those of classes of the curve have shape (6,).
 
-    Attributes:
-        asked: Whether anybody said what to expect.
-        classes: How many stretches each class of the curve has, shape (6,).
-        expected: Vehicles expected in each class, shape (6,).
-        counted: Vehicles counted in each, shape (6,).
-        expected_squared: Sum of squares of what is expected.
-        expected_times_counted: Sum of products.
-        occupied: Stretches with a vehicle.
-        log_loss: Sum of the logarithmic losses of the probability that there is one.
-        squared_loss: Sum of its squared losses.
+    ``classes`` counts stretches, ``occupied`` those with a vehicle; the losses are of the probability that there is
+    one.
+    ``asked`` says whether anybody said what to expect.
     """
 
     asked: bool

@@ -16,12 +16,7 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True)
 class Basis:
-    """What a total rests on beside its parts.
-
-    Attributes:
-        settings: The numbers of the rules.
-        seed: Seed of the run.
-    """
+    """What a total rests on beside its parts: the numbers of the rules and the seed of the run."""
 
     settings: ScoringSettings
     seed: int

@@ -55,7 +55,6 @@ class Windows:
     """The windows of a stretch, struct of arrays of shape (w,).
 
     Attributes:
-        length_s: How long each vehicle is hidden.
         followed: The track that held the vehicle lives at the end and follows no other vehicle.
         error_m: Distance of that track from the vehicle then; nan where not followed.
         constant_m: Distance of the extrapolated true state from the vehicle then.

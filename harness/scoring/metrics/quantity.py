@@ -24,10 +24,8 @@ class Quantity:
 
     Attributes:
         key: Its keys in ``metrics.json``, joined by dots.
-        label: Its name with its unit, for people.
-        higher_is_better: Its direction.
+        label: Its name with its unit, for people; ``heading`` is short enough for a column.
         decimals: How many are shown; verdicts show one more.
-        heading: Its name and unit, short enough for a column.
         weight: Key of the samples behind it, by which runs are averaged; empty where every run counts the same.
         scale: Given where the number is a count: what count over ``weight`` is multiplied by, 100 for percent.
         is_counted: Whether it is a rate of events, which are counted over ``weight``.

@@ -43,12 +43,11 @@ Score = Callable[[Evidence], Mapping[str, object]]
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric.
+    """A metric: its function and what people are told of its numbers.
 
-    Attributes:
-        score: Returns its table of plain values; what has no rows behind it is nan or None, and never absent. An empty
-            table says that the metric has no meaning on the run's road, and is left out.
-        quantities: What people are told of its numbers.
+    ``score`` returns a table of plain values; what has no rows behind it is nan or None, and never absent. An empty
+    table
+    says that the metric has no meaning on the run's road, and is left out.
     """
 
     score: Score
@@ -59,11 +58,7 @@ METRICS: Registry[Metric] = Registry("metric")
 
 
 def register(name: str, *quantities: Quantity) -> Callable[[Score], Score]:
-    """Return a decorator that makes a function a metric.
-
-    Args:
-        name: Key of its table in ``metrics.json``.
-        quantities: What people are told of its numbers.
+    """Return a decorator that makes a function the metric of a name, its key in ``metrics.json``.
 
     Raises:
         ValueError: The name is taken, or a quantity is none of the metric's.
@@ -149,11 +144,7 @@ def _plain(tables: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
 
 @dataclass
 class Totals:
-    """The metrics of a run that comes stretch by stretch; see ``harness.scoring.metrics.parts``.
-
-    Attributes:
-        basis: The rules and the seed.
-    """
+    """The metrics of a run that comes stretch by stretch; see ``harness.scoring.metrics.parts``."""
 
     basis: Basis
     _parts: dict[str, list[Any]] = field(default_factory=dict)

@@ -14,12 +14,8 @@ FEWEST_A_STEP = 0.05
 def check_scored(metrics: Mapping[str, Any], steps: int) -> None:
     """Refuse scores over no vehicle, or nearly none.
 
-    Args:
-        metrics: The tables of scores by name.
-        steps: Number of steps that were scored.
-
     Raises:
-        InputError: Vehicles were in sight in fewer than one vehicle-step in twenty steps.
+        InputError: Vehicles were in sight in fewer than one vehicle-step in twenty of the scored steps.
     """
     in_sight = metrics["mot"]["truth_n"]
     if in_sight >= max(1.0, FEWEST_A_STEP * steps):

@@ -36,13 +36,9 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class TurnsPart:
-    """What a stretch counts.
+    """Unseen turns of a stretch, and those with the old track on the right route at the re-detection and a step before.
 
-    Attributes:
-        in_plane: Whether there are directions to tell turns by.
-        events: Unseen turns.
-        right: Those of them with the old track on the right route at the re-detection.
-        foreseen: Those of them with it there a step earlier already.
+    ``in_plane`` says whether there are directions to tell turns by.
     """
 
     in_plane: bool
@@ -70,15 +66,10 @@ def measure_turns(evidence: Evidence) -> TurnsPart:
 def on_right_route(
     rows: RunRows, onset: IntArray, back: IntArray, judged: IntArray, track: IntArray, cutoff_m: float
 ) -> BoolArray:
-    """Return which vehicles a track follows on the way that they drive, shape (e,).
+    """Return which vehicles a track follows on the way that they drive; all of shape (e,).
 
-    Args:
-        rows: The run.
-        onset: Row of each vehicle's last detection, shape (e,).
-        back: Row of its re-detection, shape (e,).
-        judged: Row at which it is judged, shape (e,).
-        track: Code of its track, -1 if it has none, shape (e,).
-        cutoff_m: Distance from which a track does not follow a vehicle.
+    Rows are of each vehicle's last detection, of its re-detection and of when it is judged; a track is a code, -1 if it
+    has none, and does not follow from ``cutoff_m`` on.
     """
     truth, tracks = rows.truth, rows.tracks
     place = find_track_rows(rows, truth.step[judged], track)
