@@ -89,8 +89,10 @@ class TrackRows:
 
 @dataclass(frozen=True)
 class DetectionRows:
-    """All detections as a tracker gets them, their row of ``TruthRows`` (-1 for clutter) and their gate's direction;
-    (d,).
+    """All detections as a tracker gets them, arrays of shape (d,).
+
+    ``truth_row`` is the row of ``TruthRows`` that each came from, -1 for clutter; its gate lies along
+    ``direction_rad``.
     """
 
     step: IntArray

@@ -22,8 +22,7 @@ LINE = ["from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m"]
 
 @dataclass(frozen=True)
 class Stretches:
-    """Vehicles without a track that are expected and that there are on stretches of lane at some moments, shape (n,).
-    """
+    """Vehicles without a track that are expected and that there are on stretches of lane at some moments, (n,)."""
 
     expected: FloatArray
     counted: FloatArray

@@ -135,10 +135,7 @@ def score_crossing(crossed: Crossed) -> dict[str, object]:
 
 
 def score_drive(driven: Driven, ended: str, contact: Contact | None, settings: ScoringSettings) -> dict[str, object]:
-    """Score an episode's drive, its steps from the hand-over on, at least two.
-
-    Args:
-        ended: Why it ended: one of the words of this module.
+    """Score an episode's drive, its steps from the hand-over on, at least two; ``ended`` is one of this module's words.
 
     Returns:
         The table ``drive`` of its row. Shares are of the time that it drove; what there is none of is None.

@@ -35,9 +35,7 @@ def deceleration_to_avoid(gap_m: FloatArray, speed_mps: FloatArray, leader_mps: 
 
 @dataclass(frozen=True)
 class ConflictPart:
-    """Time to collision with whoever is ahead, infinite for none, and DRAC, 0 for none, at each step; and encounters'
-    PET.
-    """
+    """Time to collision with whoever is ahead, infinite for none, DRAC, 0 for none, at each step; encounters' PET."""
 
     ttc_s: FloatArray
     drac_mps2: FloatArray

@@ -42,8 +42,7 @@ QUANTITIES = _quantities()
 
 @dataclass(frozen=True)
 class CausePart:
-    """Counts of each of ``CAUSES``, shape (2,), outcomes of shape (2, outcomes); ``known`` says whether there are
-    walls.
+    """Counts of each of ``CAUSES``, shape (2,), outcomes (2, outcomes); ``known`` says whether there are walls.
 
     ``n`` vehicle-steps hidden of vehicles once seen have distances that add up to ``cost_m``; of the ``events`` some
     end

@@ -33,9 +33,7 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class CostSums:
-    """A cost over hidden vehicle-steps: its sum, that over each vehicle's and their number, both of shape (vehicles,
-    1).
-    """
+    """A cost over hidden vehicle-steps: its sum, each vehicle's and their number, both of shape (vehicles, 1)."""
 
     total_m: float
     by_vehicle_m: FloatArray

@@ -169,8 +169,7 @@ def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[st
 
 
 def manoeuvre_between(code: IntArray, onset: IntArray, back: IntArray) -> IntArray:
-    """Return the manoeuvre of each time between two rows of a vehicle: a roundabout or turn in it, or that at its end.
-    """
+    """Return the manoeuvre of each time between two rows of a vehicle: a turn or roundabout in it, or that at its end."""
     manoeuvre = code[back]
     for turn in (LEFT, RIGHT, ROUNDABOUT):
         before = np.concatenate([[0], np.cumsum(code == turn)])
