@@ -17,7 +17,7 @@ from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.sequence import select_in_sight
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.hota import hota_couples, hota_of_parts, measure_hota
+from harness.scoring.metrics.hota import hota_couples, measure_hota
 from harness.scoring.metrics.in_plain_view import measure_plain_view, worst_share
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -149,7 +149,7 @@ def hota_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     truths = np.bincount(vehicle_of[sequence.truth_identity], minlength=units).astype(np.float64)
     tracks = np.bincount(unit_of_track, weights=track_rows, minlength=units).astype(np.float64)
     matched, associated = by_unit(couples.matches), by_unit(couples.matches * couples.association)
-    value = 100.0 * hota_of_parts([measure_hota(sequence)]).hota if truths.sum() else np.nan
+    value = 100.0 * measure_hota(sequence).scores().hota if truths.sum() else np.nan
     influence = 100.0 * _hota_influence(truths, tracks, matched, associated)
     return ByVehicle(value, influence[:vehicles], truths[:vehicles], influence[vehicles:][tracks[vehicles:] > 0.0])
 

@@ -38,8 +38,7 @@ class WithheldAhead:
 
         It ought to where by the truth it brakes (``needed``), and the tracks then have it brake less (``done``) by the
         difference of braking and not braking at all (1 m/s²) or more; and where the time to collision is short, and it
-        does
-        not brake.
+        does not brake.
         """
         least = settings.rolls_mps2 - settings.brakes_mps2
         brakes_less = (needed <= settings.brakes_mps2) & (done > needed + least)

@@ -14,9 +14,8 @@ def best_assignment(left: IntArray, right: IntArray, score: FloatArray) -> BoolA
     """Choose pairs so that no left and no right item is used twice and the sum of scores is greatest, shape (p,).
 
     The pairs, which are distinct, split into connected components, nearly all of which are a single pair; only the
-    others
-    need the Hungarian algorithm. Rows of different time steps never share a pair, so a whole run is solved by one call.
-    Items are not negative, scores positive.
+    others need the Hungarian algorithm. Rows of different time steps never share a pair, so a whole run is solved by
+    one call. Items are not negative, scores positive.
     """
     alone = unrivalled(left, right)
     chosen = alone.copy()

@@ -24,8 +24,7 @@ class ErrorArrays:
     """The numbers of the error table, struct of arrays of shape (n,); ``outcome`` and ``state`` are indices.
 
     ``absolute`` has the absolute errors of longitudinal and lateral position, longitudinal and lateral speed, shape (n,
-    4);
-    ``seconds_hidden`` is 0 where not hidden.
+    4); ``seconds_hidden`` is 0 where not hidden.
     """
 
     vehicle: IntArray

@@ -21,8 +21,7 @@ class Matching:
     """Matches along the rows of truth, shape (n,), and of tracks, shape (m,); -1 for none.
 
     ``track_row`` and ``truth_row`` are by the gate. ``holder`` is the track (a code as in ``TrackRows.track``) that
-    held
-    the vehicle when it was last detected, ``holder_row`` its row at this step.
+    held the vehicle when it was last detected, ``holder_row`` its row at this step.
     """
 
     track_row: IntArray

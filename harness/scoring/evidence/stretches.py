@@ -31,12 +31,9 @@ def missed_stretches(
     """Return the first and the last step of each missed braking, in order.
 
     ``differ`` (the driver brakes by the truth and does not by the tracks) and ``withheld`` (it does not brake by the
-    tracks
-    as it ought to for a vehicle withheld in plain view) are of shape (steps,). A track that is there in one scan of
-    three
-    would break every stretch. So where a withheld vehicle is not braked for in ``decision_s`` out of twice that time,
-    all
-    of this time counts.
+    tracks as it ought to for a vehicle withheld in plain view) are of shape (steps,). A track that is there in one scan
+    of three would break every stretch. So where a withheld vehicle is not braked for in ``decision_s`` out of twice
+    that time, all of this time counts.
     """
     holds = differ | withheld
     until_s = np.cumsum(step_s)

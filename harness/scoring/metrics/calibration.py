@@ -8,15 +8,14 @@ other direction.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from harness.scoring.evidence.directions import along_axes
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -43,14 +42,13 @@ class CalibrationPart:
     """How the errors of followed vehicles in a stretch compare with their deviations.
 
     ``nees`` is that of each estimate that has a deviation, shape (n,). ``inside`` counts errors within 1.96 deviations,
-    of
-    vehicles that are not hidden and of those that are, shape (2, 3); ``usable`` those that have a deviation.
+    of vehicles that are not hidden and of those that are, shape (2, 3); ``usable`` those that have a deviation.
     """
 
-    nees: FloatArray
-    hidden: BoolArray
     inside: IntArray
     usable: IntArray
+    nees: FloatArray = field(metadata=ROWS)
+    hidden: BoolArray = field(metadata=ROWS)
 
 
 def measure_calibration(evidence: Evidence) -> CalibrationPart:
@@ -64,7 +62,8 @@ def measure_calibration(evidence: Evidence) -> CalibrationPart:
     return _measured(error[followed], std[followed], hidden[followed])
 
 
-def calibration_by_visibility(parts: Sequence[CalibrationPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def calibration_by_visibility(part: CalibrationPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them.
 
     ``anees`` is the ``nees`` of these two side by side: the average normalised estimation error squared over
@@ -72,15 +71,13 @@ def calibration_by_visibility(parts: Sequence[CalibrationPart], basis: Basis) ->
     et al. 2001, section 5.4.2). 1 is right, above is over-confident. A tracker may report a variance alone for each
     axis, so errors of different axes are taken as uncorrelated.
     """
-    nees, hidden = joined([part.nees for part in parts]), joined([part.hidden for part in parts])
-    inside, usable = (np.sum([getattr(part, name) for part in parts], axis=0) for name in ("inside", "usable"))
+    nees, hidden, inside, usable = part.nees, part.hidden, part.inside, part.usable
     visible_and_hidden = {
         "visible": _calibrated(nees[~hidden], inside[0], usable[0]),
         "hidden": _calibrated(nees[hidden], inside[1], usable[1]),
     }
     anees = {name: table["nees"] for name, table in visible_and_hidden.items()}
-    everything = nees if len(parts) > 1 else nees.copy()
-    return _calibrated(everything, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden | {"anees": anees}
+    return _calibrated(nees, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden | {"anees": anees}
 
 
 def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
@@ -116,11 +113,10 @@ def _measured(error: FloatArray, std: FloatArray, hidden: BoolArray) -> Calibrat
 
 
 def _calibrated(nees: FloatArray, inside: IntArray, usable: IntArray) -> dict[str, object]:
-    """Return the calibration; the order of ``nees`` is lost, since a long run's must not be copied for its median."""
     share = np.divide(100.0 * inside, usable, out=np.full(3, np.nan), where=usable > 0)
     return {
         "nees": float(nees.mean()) if len(nees) else np.nan,
-        "nees_median": float(np.median(nees, overwrite_input=True)) if len(nees) else np.nan,
+        "nees_median": float(np.median(nees)) if len(nees) else np.nan,
         "coverage95": dict(zip(("lon", "lat", "speed"), share.tolist(), strict=True)),
         "n": len(nees),
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,23 +20,24 @@ class ClearScores:
     """CLEAR scores of a sequence: rows with and without a partner, switches of identity and fragmentations.
 
     An ``id_switch`` is a match to another track than the vehicle's last one, however long ago that was; a fragmentation
-    is
-    when its tracking stopped and went on, be it because the vehicle was absent. ``mota`` is at most 1.
+    is when its tracking stopped and went on, be it because the vehicle was absent.
     """
 
-    mota: float
     matches: int
     missed: int
     false_tracks: int
     id_switches: int
     fragmentations: int
 
+    @property
+    def mota(self) -> float:
+        """``(matches - false_tracks - id_switches) / truth rows``, at most 1; 0 without truth or without tracks."""
+        truths, tracks = self.matches + self.missed, self.matches + self.false_tracks
+        return (self.matches - self.false_tracks - self.id_switches) / truths if truths and tracks else 0.0
+
 
 def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearScores:
-    """Score a sequence by matches of at least the threshold, equal to TrackEval's ``CLEAR``.
-
-    MOTA is 0 without truth or without tracks.
-    """
+    """Score a sequence by matches of at least the threshold, equal to TrackEval's ``CLEAR``."""
     truths, tracks = len(sequence.truth_step), len(sequence.track_step)
     scan = _scan_numbers(sequence)
     found = clear_matches(sequence, threshold)
@@ -45,9 +45,7 @@ def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearSco
     switches = len(found.switches(sequence))
     fragmentations = int((again & (np.diff(scan[found.truth]) > 1)).sum())
     matches = len(found.truth)
-    false_tracks = tracks - matches
-    mota = _mota(matches, truths - matches, false_tracks, switches)
-    return ClearScores(mota, matches, truths - matches, false_tracks, switches, fragmentations)
+    return ClearScores(matches, truths - matches, tracks - matches, switches, fragmentations)
 
 
 @dataclass(frozen=True)
@@ -68,21 +66,6 @@ def clear_matches(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> 
     order = np.lexsort((sequence.truth_step, sequence.truth_identity))
     track_row = _match(sequence, threshold, _row_one_scan_before(sequence, _scan_numbers(sequence), order))[order]
     return ClearMatches(order[track_row >= 0], track_row[track_row >= 0])
-
-
-def clear_of_parts(parts: Sequence[ClearScores]) -> ClearScores:
-    """Score a sequence by the scores of its parts, which share no identity."""
-    matches, missed, false_tracks, switches, fragmentations = (
-        sum(getattr(part, name) for part in parts)
-        for name in ("matches", "missed", "false_tracks", "id_switches", "fragmentations")
-    )
-    mota = _mota(matches, missed, false_tracks, switches)
-    return ClearScores(mota, matches, missed, false_tracks, switches, fragmentations)
-
-
-def _mota(matches: int, missed: int, false_tracks: int, switches: int) -> float:
-    truths, tracks = matches + missed, matches + false_tracks
-    return (matches - false_tracks - switches) / truths if truths and tracks else 0.0
 
 
 def _scan_numbers(sequence: MotSequence) -> IntArray:

@@ -82,8 +82,7 @@ class Contact:
     """The first moment at which the ego's body and another's overlap, ``time_s`` since the hand-over.
 
     ``impact_mps`` is the difference of their speeds along the road, not negative; ``into`` says whether the ego ran
-    into
-    the other, else it was run into.
+    into the other, else it was run into.
     """
 
     vehicle_id: str

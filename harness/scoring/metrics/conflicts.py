@@ -6,15 +6,14 @@ same ones.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.driving.encroachment import post_encroachment_times
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
 SHORT_TTC_S, HARD_DRAC_MPS2 = (1.5, 3.0), 3.4
@@ -37,9 +36,9 @@ def deceleration_to_avoid(gap_m: FloatArray, speed_mps: FloatArray, leader_mps: 
 class ConflictPart:
     """Time to collision with whoever is ahead, infinite for none, DRAC, 0 for none, at each step; encounters' PET."""
 
-    ttc_s: FloatArray
-    drac_mps2: FloatArray
-    pet_s: FloatArray
+    ttc_s: FloatArray = field(metadata=ROWS)
+    drac_mps2: FloatArray = field(metadata=ROWS)
+    pet_s: FloatArray = field(metadata=ROWS)
 
 
 def measure_conflicts(evidence: Evidence) -> ConflictPart | None:
@@ -56,7 +55,8 @@ def measure_conflicts(evidence: Evidence) -> ConflictPart | None:
     )
 
 
-def conflicts(parts: Sequence[ConflictPart | None], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def conflicts(part: ConflictPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Score the ego's conflicts.
 
     Returns:
@@ -65,10 +65,7 @@ def conflicts(parts: Sequence[ConflictPart | None], basis: Basis) -> dict[str, o
         ego closes in); ``pet_n`` encounters, ``pet_min_s`` and ``pet_median_s``. nan where there is nothing to tell;
         empty where nobody was asked.
     """
-    known = [part for part in parts if part is not None]
-    if not known:
-        return {}
-    ttc, drac, pet = (joined([getattr(part, name) for part in known]) for name in ("ttc_s", "drac_mps2", "pet_s"))
+    ttc, drac, pet = part.ttc_s, part.drac_mps2, part.pet_s
     finite, closing = ttc[np.isfinite(ttc)], drac[np.isfinite(drac) & (drac > 0.0)]
 
     def percent(holds: BoolArray) -> float:

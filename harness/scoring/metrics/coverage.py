@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from harness.scoring.evidence.directions import along_and_across
 from harness.scoring.evidence.history import first_of_group
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.storage.schema import HIDDEN, VISIBLE
 
 
@@ -56,7 +55,8 @@ def measure_coverage(evidence: Evidence) -> CoveragePart:
     )
 
 
-def coverage(parts: Sequence[CoveragePart], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+@of_whole
+def coverage(part: CoveragePart, basis: Basis) -> dict[str, float]:  # noqa: ARG001
     """Return what was in range, what of it was detected, and how promptly visible vehicles got a track.
 
     Returns:
@@ -65,17 +65,13 @@ def coverage(parts: Sequence[CoveragePart], basis: Basis) -> dict[str, float]:  
         ``prompt_vehicles``: vehicles whose record in range reaches ``prompt_s`` beyond their becoming visible, and
         ``prompt_percent`` of them that a track was matched to by then.
     """
-    in_range, detected = sum(part.in_range for part in parts), sum(part.detected for part in parts)
-    judged = sum(part.judged for part in parts)
     return {
-        "vehicles_in_range": in_range,
-        "detected": detected,
-        "never_detected": in_range - detected,
-        "hidden_percent": _percent(
-            sum(part.hidden_steps for part in parts), sum(part.in_range_steps for part in parts)
-        ),
-        "prompt_vehicles": judged,
-        "prompt_percent": _percent(sum(part.prompt for part in parts), judged),
+        "vehicles_in_range": part.in_range,
+        "detected": part.detected,
+        "never_detected": part.in_range - part.detected,
+        "hidden_percent": ratio(100.0 * part.hidden_steps, part.in_range_steps),
+        "prompt_vehicles": part.judged,
+        "prompt_percent": ratio(100.0 * part.prompt, part.judged),
     }
 
 
@@ -101,12 +97,7 @@ def measure_detection_noise(evidence: Evidence) -> NoisePart:
     return NoisePart(float(np.abs(lon_m).sum()), float(np.abs(lat_m).sum()), len(lon_m))
 
 
-def detection_noise(parts: Sequence[NoisePart], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+@of_whole
+def detection_noise(part: NoisePart, basis: Basis) -> dict[str, float]:  # noqa: ARG001
     """Return the mean absolute errors of the detections that are not clutter, to hold the tracks' against; or nan."""
-    n = sum(part.n for part in parts)
-    lon_m, lat_m = sum(part.lon_m for part in parts), sum(part.lat_m for part in parts)
-    return {"lon_m": lon_m / n if n else np.nan, "lat_m": lat_m / n if n else np.nan, "n": n}
-
-
-def _percent(part: int, whole: int) -> float:
-    return 100.0 * float(part) / float(whole) if whole else np.nan
+    return {"lon_m": ratio(part.lon_m, part.n), "lat_m": ratio(part.lat_m, part.n), "n": part.n}

@@ -5,8 +5,7 @@ The ego drives as it did; nothing that the driver would do is done. So every tra
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.evidence.stretches import stretches
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import BRAKING_KINDS, FATES, HIDDEN, OUT
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -63,16 +62,16 @@ class DecisionPart:
         accepted: Those of them that the tracks accept.
     """
 
-    difference_mps2: FloatArray
     km: float
-    kind: IntArray
-    fate: IntArray
-    hidden: BoolArray
-    withheld: BoolArray
-    lateness_s: FloatArray
-    collision_time_error_s: FloatArray
     forbidden: int
     accepted: int
+    difference_mps2: FloatArray = field(metadata=ROWS)
+    kind: IntArray = field(metadata=ROWS)
+    fate: IntArray = field(metadata=ROWS)
+    hidden: BoolArray = field(metadata=ROWS)
+    withheld: BoolArray = field(metadata=ROWS)
+    lateness_s: FloatArray = field(metadata=ROWS)
+    collision_time_error_s: FloatArray = field(metadata=ROWS)
 
 
 def measure_decisions(evidence: Evidence) -> DecisionPart | None:
@@ -136,7 +135,8 @@ def _to_collision(decision: Decision) -> FloatArray:
     return time_to_collision(leader.gap_m, decision.belief.speed_mps, leader.speed_mps)
 
 
-def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def decisions(part: DecisionPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Score what the driver would have done.
 
     Returns:
@@ -147,16 +147,8 @@ def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, o
         track did; ``lateness_s`` over ``onsets``; ``collision_time_error_s`` over ``collision_time_n`` steps;
         ``unsafe_gaps_percent`` of ``forbidden_gaps``. nan where there is nothing to tell; empty where nobody was asked.
     """
-    asked = [part for part in parts if part is not None]
-    if not asked:
-        return {}
-    difference = np.abs(joined([part.difference_mps2 for part in asked]))
-    kind, fate, hidden, withheld = (
-        joined([getattr(part, name) for part in asked]) for name in ("kind", "fate", "hidden", "withheld")
-    )
-    late = joined([part.lateness_s for part in asked])
-    error_s = joined([part.collision_time_error_s for part in asked])
-    km, forbidden = sum(part.km for part in asked), sum(part.forbidden for part in asked)
+    difference = np.abs(part.difference_mps2)
+    kind, km, forbidden = part.kind, part.km, part.forbidden
 
     def mean(values: FloatArray) -> float:
         return float(values.mean()) if len(values) else np.nan
@@ -169,17 +161,17 @@ def decisions(parts: Sequence[DecisionPart | None], basis: Basis) -> dict[str, o
     }
     for code in (MISSED, PHANTOM):
         count = int((kind == code).sum())
-        table |= {BRAKING_KINDS[code]: count, f"{BRAKING_KINDS[code]}_per_km": count / km if km > 0.0 else np.nan}
-    table["missed_hidden"] = int(((kind == MISSED) & hidden).sum())
-    table["missed_withheld"] = int(withheld.sum())
+        table |= {BRAKING_KINDS[code]: count, f"{BRAKING_KINDS[code]}_per_km": ratio(count, km)}
+    table["missed_hidden"] = int(((kind == MISSED) & part.hidden).sum())
+    table["missed_withheld"] = int(part.withheld.sum())
     for code, possible in ((MISSED, MISSED_FATES), (PHANTOM, PHANTOM_FATES)):
-        of_kind = fate[kind == code]
+        of_kind = part.fate[kind == code]
         table[f"{BRAKING_KINDS[code]}_by"] = {FATES[place]: int((of_kind == place).sum()) for place in possible}
     return table | {
-        "lateness_s": mean(late),
-        "onsets": len(late),
-        "collision_time_error_s": mean(error_s),
-        "collision_time_n": len(error_s),
-        "unsafe_gaps_percent": 100.0 * sum(part.accepted for part in asked) / forbidden if forbidden else np.nan,
+        "lateness_s": mean(part.lateness_s),
+        "onsets": len(part.lateness_s),
+        "collision_time_error_s": mean(part.collision_time_error_s),
+        "collision_time_n": len(part.collision_time_error_s),
+        "unsafe_gaps_percent": ratio(100.0 * part.accepted, forbidden),
         "forbidden_gaps": forbidden,
     }

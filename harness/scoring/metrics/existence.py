@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from harness.scoring.evidence.pairs import GATE_SIMILARITY
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -57,7 +56,8 @@ def measure_existence(evidence: Evidence) -> ExistencePart:
     )
 
 
-def existence_calibration(parts: Sequence[ExistencePart], basis: Basis) -> dict[str, object]:
+@of_whole
+def existence_calibration(part: ExistencePart, basis: Basis) -> dict[str, object]:
     """Hold stated existences against what is there.
 
     Over the ``n`` track-steps of reported tracks in sight (detections decide, see ``tracks_in_sight``) that state one.
@@ -69,8 +69,7 @@ def existence_calibration(parts: Sequence[ExistencePart], basis: Basis) -> dict[
         difference of the two among tenths with at least 200 track-steps, in points. ``brier``: mean squared
         difference of the stated probability and what is there, 0 is best. nan where there is nothing to tell.
     """
-    names = ("count", "stated", "real")
-    count, stated, real = (np.sum([getattr(part, name) for part in parts], axis=0) for name in names)
+    count, stated, real = part.count, part.stated, part.real
     deciles = [
         {
             "from": k / DECILES,
@@ -85,7 +84,7 @@ def existence_calibration(parts: Sequence[ExistencePart], basis: Basis) -> dict[
     gaps = np.abs(stated[many] - real[many]) / count[many]
     return {
         "largest_gap": 100.0 * float(gaps.max()) if len(gaps) else np.nan,
-        "brier": ratio(sum(part.squared for part in parts), float(count.sum())),
+        "brier": ratio(part.squared, float(count.sum())),
         "n": int(count.sum()),
         "deciles": deciles,
     }

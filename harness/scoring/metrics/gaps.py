@@ -6,7 +6,6 @@ of a parked vehicle asks less of a tracker, which finds it where it was.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -52,12 +51,9 @@ QUANTITIES = _quantities()
 class GapsPart:
     """Counts of moving and of parked vehicles, shape (2,): gaps, and vehicle-steps in sight that are ``followed``.
 
-    ``same_id`` counts the gaps after which a vehicle has its old track, ``error_sum`` adds up distances from tracks,
-    and
-    ``known`` says whether the source tells the two kinds apart.
+    ``same_id`` counts the gaps after which a vehicle has its old track, ``error_sum`` adds up distances from tracks.
     """
 
-    known: bool
     events: IntArray
     same_id: IntArray
     long_events: IntArray
@@ -66,20 +62,18 @@ class GapsPart:
     error_sum: FloatArray
 
 
-def measure_gaps(evidence: Evidence) -> GapsPart:
-    """Count in a stretch."""
+def measure_gaps(evidence: Evidence) -> GapsPart | None:
+    """Count in a stretch; None where the source does not tell parked vehicles from others."""
     rows, events, errors = evidence.rows, evidence.events, evidence.errors
     parked = rows.truth.parked
     if parked is None:
-        none = np.zeros(2, dtype=np.int64)
-        return GapsPart(False, none, none, none, none, none, np.zeros(2))
+        return None
     of_event = parked[events.onset_row]
     is_long = events.duration_s >= LONG_S - TIME_TOLERANCE_S
     followed = errors.tracked & (errors.state != HIDDEN)
     of_kept = parked[scored_rows(rows, evidence.history, evidence.settings)][followed]
     error_m = np.hypot(errors.absolute[followed, 0], errors.absolute[followed, 1])
     return GapsPart(
-        known=True,
         events=_count(of_event),
         same_id=_count(of_event[events.same_id]),
         long_events=_count(of_event[is_long]),
@@ -89,7 +83,8 @@ def measure_gaps(evidence: Evidence) -> GapsPart:
     )
 
 
-def scores_after_gaps(parts: Sequence[GapsPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def scores_after_gaps(part: GapsPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Return the scores of all, of moving and of parked vehicles.
 
     Returns:
@@ -98,22 +93,18 @@ def scores_after_gaps(parts: Sequence[GapsPart], basis: Basis) -> dict[str, obje
         ``long_same_id_percent`` of gaps of a second and more; ``position_m``, mean distance of the tracks of vehicles
         in sight over the ``n`` vehicle-steps followed. Empty where nobody tells who is parked.
     """
-    known = [part for part in parts if part.known]
-    if not known:
-        return {}
     table: dict[str, object] = {}
     for kind, chosen in zip(KINDS, ([0, 1], [0], [1]), strict=True):
         counts = {
-            name: int(sum(getattr(part, name)[chosen].sum() for part in known))
+            name: int(getattr(part, name)[chosen].sum())
             for name in ("events", "same_id", "long_events", "long_same_id", "followed")
         }
-        error_m = float(sum(part.error_sum[chosen].sum() for part in known))
         n = counts.pop("followed")
         table[kind] = {
             **counts,
             "same_id_percent": ratio(100.0 * counts["same_id"], counts["events"]),
             "long_same_id_percent": ratio(100.0 * counts["long_same_id"], counts["long_events"]),
-            "position_m": ratio(error_m, n),
+            "position_m": ratio(part.error_sum[chosen].sum(), n),
             "n": n,
         }
     return table

@@ -36,8 +36,7 @@ def gospa_in_sight(parts: Sequence[FloatArray], basis: Basis) -> dict[str, float
 def measure_remembered(evidence: Evidence) -> FloatArray:
     """Return localisation, missed and false of all vehicles once seen at each step, shape (3, steps).
 
-    The cut-off is that of ``following``, so that a hidden vehicle's track may be metres off; the
-    order is 1.
+    The cut-off is that of ``following``, so that a hidden vehicle's track may be metres off; the order is 1.
     """
     following, rows = evidence.following, evidence.rows
     truth_step, track_step, steps = rows.truth.step, rows.tracks.step, len(rows.time_s)

@@ -6,7 +6,6 @@ comes back as the lorry moves. Only on roads with walls; elsewhere vehicles hide
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,7 @@ from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.evidence.events import other_track_after
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -42,14 +41,12 @@ QUANTITIES = _quantities()
 
 @dataclass(frozen=True)
 class CausePart:
-    """Counts of each of ``CAUSES``, shape (2,), outcomes (2, outcomes); ``known`` says whether there are walls.
+    """Counts of each of ``CAUSES``, shape (2,), outcomes of shape (2, outcomes).
 
     ``n`` vehicle-steps hidden of vehicles once seen have distances that add up to ``cost_m``; of the ``events`` some
-    end
-    with the old track (``same_id``) and some with another one (``switched``).
+    end with the old track (``same_id``) and some with another one (``switched``).
     """
 
-    known: bool
     n: IntArray
     cost_m: FloatArray
     outcomes: IntArray
@@ -58,11 +55,13 @@ class CausePart:
     switched: IntArray
 
 
-def measure_causes(evidence: Evidence) -> CausePart:
-    """Count in a stretch."""
+def measure_causes(evidence: Evidence) -> CausePart | None:
+    """Count in a stretch; None on a road without walls."""
     rows, errors, events = evidence.rows, evidence.errors, evidence.events
     by_wall = rows.hidden_by_wall
-    cause = np.zeros(len(rows.truth), dtype=np.int64) if by_wall is None else by_wall.astype(np.int64)
+    if by_wall is None:
+        return None
+    cause = by_wall.astype(np.int64)
     hidden = evidence.following.hidden
     distance_m = evidence.following.distance_m[hidden]
     of_errors, unseen = cause[scored_rows(rows, evidence.history, evidence.settings)], errors.state == HIDDEN
@@ -72,7 +71,6 @@ def measure_causes(evidence: Evidence) -> CausePart:
         return np.bincount(codes, minlength=len(CAUSES))
 
     return CausePart(
-        known=by_wall is not None,
         n=count(cause[hidden]),
         cost_m=np.asarray(np.bincount(cause[hidden], distance_m, minlength=len(CAUSES)), dtype=np.float64),
         outcomes=np.stack([count_outcomes(errors.outcome[unseen & (of_errors == k)]) for k in range(len(CAUSES))]),
@@ -86,15 +84,15 @@ def cause_between(by_wall: BoolArray, hidden: BoolArray, onset: IntArray, back: 
     """Return what hid a vehicle for most of its hidden steps from one row to a later one, an index into ``CAUSES``.
 
     ``by_wall`` (walls hide more of it than others do) and ``hidden`` are of shape (n,) along the truth rows, both ends
-    of
-    each time of shape (e,).
+    of each time of shape (e,).
     """
     walls, all_hidden = (np.append(0, np.cumsum(each)) for each in (by_wall & hidden, hidden))
     of_walls, of_all = (each[back + 1] - each[onset] for each in (walls, all_hidden))
     return np.asarray(2 * of_walls > of_all, dtype=np.int64)
 
 
-def scores_by_cause(parts: Sequence[CausePart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def scores_by_cause(part: CausePart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Return the scores of hidden vehicles by what hid them.
 
     Returns:
@@ -105,21 +103,15 @@ def scores_by_cause(parts: Sequence[CausePart], basis: Basis) -> dict[str, objec
         and ``switches``, after which it has another one, with their share ``switch_percent``. Empty where there are no
         walls.
     """
-    if not any(part.known for part in parts):
-        return {}
-    names = ("n", "cost_m", "outcomes", "events", "same_id", "switched")
-    n, cost_m, outcomes, events, same_id, switched = (
-        np.sum([getattr(part, name) for part in parts], axis=0) for name in names
-    )
     return {
         name: {
-            "hidden_cost_m": ratio(cost_m[code], n[code]),
-            "n": int(n[code]),
-            **{f"hidden_{key}": value for key, value in hidden_outcomes(outcomes[code]).items()},
-            "same_id_percent": 100.0 * ratio(same_id[code], events[code]),
-            "switch_percent": 100.0 * ratio(switched[code], events[code]),
-            "switches": int(switched[code]),
-            "events": int(events[code]),
+            "hidden_cost_m": ratio(part.cost_m[code], part.n[code]),
+            "n": int(part.n[code]),
+            **{f"hidden_{key}": value for key, value in hidden_outcomes(part.outcomes[code]).items()},
+            "same_id_percent": 100.0 * ratio(part.same_id[code], part.events[code]),
+            "switch_percent": 100.0 * ratio(part.switched[code], part.events[code]),
+            "switches": int(part.switched[code]),
+            "events": int(part.events[code]),
         }
         for code, name in enumerate(CAUSES)
     }

@@ -7,8 +7,7 @@ the cut-off.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from harness.common.bootstrap import cluster_bootstrap, sums_by_label
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -36,8 +35,8 @@ class CostSums:
     """A cost over hidden vehicle-steps: its sum, each vehicle's and their number, both of shape (vehicles, 1)."""
 
     total_m: float
-    by_vehicle_m: FloatArray
-    steps: FloatArray
+    by_vehicle_m: FloatArray = field(metadata=ROWS)
+    steps: FloatArray = field(metadata=ROWS)
 
 
 @dataclass(frozen=True)
@@ -76,8 +75,9 @@ def measure_hidden(evidence: Evidence) -> HiddenPart:
     )
 
 
-def cost_of_hidden(parts: Sequence[HiddenPart], basis: Basis) -> dict[str, object]:
-    """Score the knowledge about vehicles that are hidden after they were seen.
+@of_whole
+def cost_of_hidden(part: HiddenPart, basis: Basis) -> dict[str, object]:
+    """Score what is known of the vehicles that are hidden after they were seen.
 
     Returns:
         ``hidden_cost_m``: mean of the distance to the track that follows the vehicle (``following``)
@@ -88,25 +88,19 @@ def cost_of_hidden(parts: Sequence[HiddenPart], basis: Basis) -> dict[str, objec
         nan where there is nothing to tell.
     """
     rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
-    n, scans = sum(part.n for part in parts), sum(part.scans for part in parts)
 
-    def mean(sums: Sequence[CostSums]) -> float:
-        return sum(each.total_m for each in sums) / n if n else np.nan
-
-    def interval(sums: Sequence[CostSums]) -> list[float] | None:
-        by_vehicle_m, steps = joined([each.by_vehicle_m for each in sums]), joined([each.steps for each in sums])
-        ends = cluster_bootstrap(by_vehicle_m, steps, rng, draws=draws)[0]
+    def interval(cost: CostSums) -> list[float] | None:
+        ends = cluster_bootstrap(cost.by_vehicle_m, cost.steps, rng, draws=draws)[0]
         return None if np.isnan(ends.low) else [ends.low, ends.high]
 
-    cost, own = [part.cost for part in parts], [part.own for part in parts]
     return {
-        "hidden_cost_m": mean(cost),
-        "hidden_cost_m_ci95": interval(cost),
-        "followed_percent": 100.0 * (sum(part.followed for part in parts) / n) if n else np.nan,
-        "identity_cost_m": mean(own),
-        "identity_cost_m_ci95": interval(own),
-        "n": n,
-        "false_hidden_tracks_per_scan": sum(part.false_tracks for part in parts) / scans if scans else np.nan,
+        "hidden_cost_m": ratio(part.cost.total_m, part.n),
+        "hidden_cost_m_ci95": interval(part.cost),
+        "followed_percent": 100.0 * ratio(part.followed, part.n),
+        "identity_cost_m": ratio(part.own.total_m, part.n),
+        "identity_cost_m_ci95": interval(part.own),
+        "n": part.n,
+        "false_hidden_tracks_per_scan": ratio(part.false_tracks, part.scans),
     }
 
 

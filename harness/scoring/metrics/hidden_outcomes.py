@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from harness.scoring.evidence.errors import HIJACKED, LOST, TRACKED, UNTRACKED
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis
+from harness.scoring.metrics.parts import Basis, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN, OUTCOMES
 from mmpf.numerics.arrays import IntArray
@@ -22,9 +20,10 @@ def measure_outcomes(evidence: Evidence) -> IntArray:
     return count_outcomes(evidence.errors.outcome[evidence.errors.state == HIDDEN])
 
 
-def outcomes_while_hidden(parts: Sequence[IntArray], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+@of_whole
+def outcomes_while_hidden(counts: IntArray, basis: Basis) -> dict[str, float]:  # noqa: ARG001
     """Return the outcomes of all vehicle-steps hidden."""
-    return hidden_outcomes(np.sum(parts, axis=0))
+    return hidden_outcomes(counts)
 
 
 def count_outcomes(outcome: IntArray) -> IntArray:

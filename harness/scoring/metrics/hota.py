@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,21 +32,13 @@ class HotaPart:
     matched: FloatArray
     association: FloatArray
 
-
-def hota(sequence: MotSequence) -> HotaScores:
-    """Score a sequence, equal to TrackEval's ``HOTA``; all 0 without truth or without tracks."""
-    return hota_of_parts([measure_hota(sequence)])
-
-
-def hota_of_parts(parts: Sequence[HotaPart]) -> HotaScores:
-    """Score a sequence by its parts."""
-    truths, tracks = sum(part.truths for part in parts), sum(part.tracks for part in parts)
-    true_positive = np.sum([part.matched for part in parts], axis=0)
-    if not truths or not tracks:
-        return HotaScores(0.0, 0.0, 0.0)
-    deta = true_positive / (truths + tracks - true_positive)
-    assa = np.sum([part.association for part in parts], axis=0) / np.maximum(1.0, true_positive)
-    return HotaScores(float(np.sqrt(deta * assa).mean()), float(deta.mean()), float(assa.mean()))
+    def scores(self) -> HotaScores:
+        """Return the scores; all 0 without truth or without tracks."""
+        if not self.truths or not self.tracks:
+            return HotaScores(0.0, 0.0, 0.0)
+        deta = self.matched / (self.truths + self.tracks - self.matched)
+        assa = self.association / np.maximum(1.0, self.matched)
+        return HotaScores(float(np.sqrt(deta * assa).mean()), float(deta.mean()), float(assa.mean()))
 
 
 @dataclass(frozen=True)
@@ -64,7 +55,7 @@ class HotaCouples:
 
 
 def measure_hota(sequence: MotSequence) -> HotaPart:
-    """Count in a part of a sequence that shares no identity with the others."""
+    """Count in a sequence or part of one that shares no identity with the others; equal to TrackEval's ``HOTA``."""
     truths, tracks, couples = len(sequence.truth_step), len(sequence.track_step), hota_couples(sequence)
     return HotaPart(truths, tracks, couples.matches.sum(axis=0), (couples.matches * couples.association).sum(axis=0))
 

@@ -9,12 +9,6 @@ from harness.scoring.evidence.pairs import GATE_SIMILARITY
 from harness.scoring.evidence.sequence import MotSequence
 
 
-def identity(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> float:
-    """Return IDF1, in [0, 1], equal to TrackEval's; 0 without truth or without tracks."""
-    matched, rows = measure_identity(sequence, threshold)
-    return idf1(matched, rows)
-
-
 def idf1(matched: int, rows: int) -> float:
     """Return IDF1 of the counts of ``measure_identity``, or of their sums over parts without a common identity."""
     return 2.0 * matched / rows if matched else 0.0

@@ -1,14 +1,13 @@
 """Which vehicles in plain view have no track: recall, time to the first report, drops, and who they are.
 
-Truth alone says who is asked for (``plain_view``), so a vehicle that the sensor rarely detects counts
-in full. A vehicle has a track where a reported one is matched to it by ``matching``: within the gate,
-one to one.
+Truth alone says who is asked for (``plain_view``), so a vehicle that the sensor rarely detects counts in full. A
+vehicle has a track where a reported one is matched to it by ``matching``: within the gate, one to one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from harness.scoring.evidence.plain_view import begins, lasting_s
 from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined, ratio
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -63,16 +62,16 @@ class PlainViewPart:
         losses: The worst vehicles never reported or dropped, as in ``vehicles``, of shape (at most 20,).
     """
 
-    counted: IntArray
-    followed: IntArray
-    counted_s: FloatArray
-    view_s: FloatArray
-    first_s: FloatArray
-    reported: BoolArray
-    drops: IntArray
     stopped: int
     stopped_followed: int
-    losses: list[dict[str, Any]]
+    counted: IntArray = field(metadata=ROWS)
+    followed: IntArray = field(metadata=ROWS)
+    counted_s: FloatArray = field(metadata=ROWS)
+    view_s: FloatArray = field(metadata=ROWS)
+    first_s: FloatArray = field(metadata=ROWS)
+    reported: BoolArray = field(metadata=ROWS)
+    drops: IntArray = field(metadata=ROWS)
+    losses: list[dict[str, Any]] = field(metadata=ROWS)
 
 
 @dataclass(frozen=True)
@@ -194,7 +193,8 @@ def worst_share(counted: IntArray, followed: IntArray, chosen: BoolArray, share:
     return vehicles[order[: max(1, int(share * len(vehicles) + 1e-9))]]
 
 
-def scores_in_plain_view(parts: Sequence[PlainViewPart], basis: Basis) -> dict[str, object]:
+@of_whole
+def scores_in_plain_view(part: PlainViewPart, basis: Basis) -> dict[str, object]:
     """Score who has a track in plain view.
 
     Asked for are the ``n`` vehicle-steps within 60 m of the ego (centre to centre) of vehicles that have been in plain
@@ -216,14 +216,10 @@ def scores_in_plain_view(parts: Sequence[PlainViewPart], basis: Basis) -> dict[s
         dropped one its longest time. nan where there is nothing to tell.
     """
     settings = basis.settings
-    counted, followed, counted_s, first_s, view_s, reported, drops = (
-        joined([getattr(part, name) for part in parts])
-        for name in ("counted", "followed", "counted_s", "first_s", "view_s", "reported", "drops")
-    )
-    lasting = counted_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S
+    counted, followed = part.counted, part.followed
+    lasting = part.counted_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S
     worst = worst_share(counted, followed, lasting, settings.worst_share)
-    waits = first_s[counted > 0]
-    stopped, stopped_followed = (sum(getattr(part, name) for part in parts) for name in ("stopped", "stopped_followed"))
+    waits = part.first_s[counted > 0]
     return {
         "recall": 100.0 * ratio(followed.sum(), counted.sum()),
         "n": int(counted.sum()),
@@ -232,9 +228,11 @@ def scores_in_plain_view(parts: Sequence[PlainViewPart], basis: Basis) -> dict[s
         "median_first_report_s": float(np.median(waits)) if len(waits) else np.nan,
         "p90_first_report_s": float(np.percentile(waits, 90)) if len(waits) else np.nan,
         "vehicles_n": len(waits),
-        "never_reported": int((~reported & (view_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S)).sum()),
-        "dropped": int(drops.sum()),
-        "stopped_recall": 100.0 * ratio(stopped_followed, stopped),
-        "stopped_n": stopped,
-        "vehicles": _worst_first([loss for part in parts for loss in part.losses]),
+        "never_reported": int(
+            (~part.reported & (part.view_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S)).sum()
+        ),
+        "dropped": int(part.drops.sum()),
+        "stopped_recall": 100.0 * ratio(part.stopped_followed, part.stopped),
+        "stopped_n": part.stopped,
+        "vehicles": _worst_first(part.losses),
     }

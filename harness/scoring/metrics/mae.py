@@ -7,8 +7,7 @@ both follow (``harness.scoring.metrics.paired``), or take ``harness.scoring.metr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +16,7 @@ from harness.common.bootstrap import cluster_bootstrap, group_sums
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN, PARTIAL, VISIBLE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -60,10 +59,10 @@ class ErrorSums:
         outcomes: Number of vehicle-steps of each outcome, shape (outcomes,).
     """
 
-    sums: FloatArray
-    counts: FloatArray
     followed: int
     outcomes: IntArray
+    sums: FloatArray = field(metadata=ROWS)
+    counts: FloatArray = field(metadata=ROWS)
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def measure_errors(evidence: Evidence) -> ErrorPart:
     def sums_of(chosen: BoolArray) -> ErrorSums:
         kept = chosen & errors.tracked
         sums, counts = _sums(errors.absolute[kept], errors.vehicle[kept])
-        return ErrorSums(sums, counts, int(kept.sum()), count_outcomes(errors.outcome[chosen]))
+        return ErrorSums(int(kept.sum()), count_outcomes(errors.outcome[chosen]), sums, counts)
 
     def hidden_for(from_s: float, to_s: float) -> BoolArray:
         longer = errors.seconds_hidden > from_s + TIME_TOLERANCE_S
@@ -93,7 +92,8 @@ def measure_errors(evidence: Evidence) -> ErrorPart:
     )
 
 
-def mean_errors_by_visibility(parts: Sequence[ErrorPart], basis: Basis) -> dict[str, object]:
+@of_whole
+def mean_errors_by_visibility(part: ErrorPart, basis: Basis) -> dict[str, object]:
     """Return the mean errors of tracked vehicles by visibility state, and of hidden ones by time since detection.
 
     Returns:
@@ -104,24 +104,17 @@ def mean_errors_by_visibility(parts: Sequence[ErrorPart], basis: Basis) -> dict[
     """
     rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
 
-    def mean_of(groups: Sequence[ErrorSums]) -> dict[str, object]:
-        sums, counts = joined([group.sums for group in groups]), joined([group.counts for group in groups])
-        return _means(sums, counts, sum(group.followed for group in groups), rng, draws)
-
-    def followed(groups: Sequence[ErrorSums]) -> dict[str, object]:
-        of_n = int(sum(group.outcomes.sum() for group in groups))
-        share = 100.0 * (sum(group.followed for group in groups) / of_n) if of_n else np.nan
-        return {"of_n": of_n, "followed_percent": share}
+    def mean_of(group: ErrorSums) -> dict[str, object]:
+        return _means(group.sums, group.counts, group.followed, rng, draws)
 
     table: dict[str, object] = {}
-    for place, name in enumerate(STATES):
-        groups = [part.by_state[place] for part in parts]
-        table[name] = mean_of(groups) | followed(groups)
+    for name, group in zip(STATES, part.by_state, strict=True):
+        of_n = int(group.outcomes.sum())
+        table[name] = mean_of(group) | {"of_n": of_n, "followed_percent": 100.0 * ratio(group.followed, of_n)}
     bins: list[dict[str, object]] = []
-    for place, (from_s, to_s) in enumerate(pairwise(basis.settings.hidden_bins_s)):
-        groups = [part.by_bin[place] for part in parts]
-        outcomes = hidden_outcomes(np.sum([group.outcomes for group in groups], axis=0))
-        bins.append({"from_s": from_s, "to_s": to_s, **mean_of(groups), "hidden_n": outcomes.pop("n"), **outcomes})
+    for (from_s, to_s), group in zip(pairwise(basis.settings.hidden_bins_s), part.by_bin, strict=True):
+        outcomes = hidden_outcomes(group.outcomes)
+        bins.append({"from_s": from_s, "to_s": to_s, **mean_of(group), "hidden_n": outcomes.pop("n"), **outcomes})
     table["by_seconds_hidden"] = bins
     return table
 

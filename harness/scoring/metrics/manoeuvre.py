@@ -6,7 +6,6 @@ own every vehicle goes straight on, and the table is left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +16,7 @@ from harness.scoring.evidence.rows import RunRows, TruthRows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
@@ -33,7 +32,6 @@ HALF_WINDOW_S = 1.0
 SHORTEST_WINDOW_S = 1.0
 ONCOMING_RAD = 0.75 * np.pi
 """Angle between a vehicle's heading and the ego's from which it comes towards the ego."""
-POSITION, SPEED = 0, 1
 
 
 def _quantities() -> tuple[Quantity, ...]:
@@ -60,7 +58,6 @@ class ManoeuvrePart:
     events after which a vehicle has its old track.
     """
 
-    in_plane: bool
     has_roundabouts: bool
     followed: IntArray
     in_sight: IntArray
@@ -109,9 +106,11 @@ def heading_rate(truth: TruthRows) -> FloatArray:
     return np.asarray(rate)
 
 
-def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart:
-    """Count in a stretch."""
+def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart | None:
+    """Count in a stretch; None on a road with a frame of its own."""
     rows, errors = evidence.rows, evidence.errors
+    if rows.ego_direction_rad is None:
+        return None
     code = manoeuvres(rows)
     kept = scored_rows(rows, evidence.history, evidence.settings)
     of_kept, hidden = code[kept], errors.state == HIDDEN
@@ -124,7 +123,6 @@ def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart:
         return np.bincount(codes, minlength=len(MANOEUVRES))
 
     return ManoeuvrePart(
-        in_plane=rows.ego_direction_rad is not None,
         has_roundabouts=rows.on_roundabout is not None,
         followed=count(of_kept[followed]),
         in_sight=count(of_kept[~hidden]),
@@ -135,7 +133,8 @@ def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart:
     )
 
 
-def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def scores_by_manoeuvre(part: ManoeuvrePart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Return the scores of vehicles that go straight on, turn or come towards the ego.
 
     Returns:
@@ -146,30 +145,24 @@ def scores_by_manoeuvre(parts: Sequence[ManoeuvrePart], basis: Basis) -> dict[st
         of the turn in it, or of the roundabout. Empty on a road with a frame of its own; without ``roundabout`` where
         none is known.
     """
-    if not any(part.in_plane for part in parts):
-        return {}
-    followed, in_sight, error_sum, events, same_id, outcomes = (
-        np.sum([getattr(part, name) for part in parts], axis=0)
-        for name in ("followed", "in_sight", "error_sum", "events", "same_id", "outcomes")
-    )
     table: dict[str, object] = {}
-    told = MANOEUVRES if any(part.has_roundabouts for part in parts) else MANOEUVRES[:ROUNDABOUT]
+    told = MANOEUVRES if part.has_roundabouts else MANOEUVRES[:ROUNDABOUT]
     for code, name in enumerate(told):
-        hidden = {f"hidden_{key}": value for key, value in hidden_outcomes(outcomes[code]).items()}
+        hidden = {f"hidden_{key}": value for key, value in hidden_outcomes(part.outcomes[code]).items()}
         table[name] = {
-            "position_m": ratio(error_sum[POSITION, code], followed[code]),
-            "speed_mps": ratio(error_sum[SPEED, code], followed[code]),
-            "n": int(followed[code]),
-            "of_n": int(in_sight[code]),
+            "position_m": ratio(part.error_sum[0, code], part.followed[code]),
+            "speed_mps": ratio(part.error_sum[1, code], part.followed[code]),
+            "n": int(part.followed[code]),
+            "of_n": int(part.in_sight[code]),
             **hidden,
-            "same_id_percent": 100.0 * ratio(same_id[code], events[code]),
-            "events": int(events[code]),
+            "same_id_percent": 100.0 * ratio(part.same_id[code], part.events[code]),
+            "events": int(part.events[code]),
         }
     return table
 
 
 def manoeuvre_between(code: IntArray, onset: IntArray, back: IntArray) -> IntArray:
-    """Return the manoeuvre of each time between two rows of a vehicle: a turn or roundabout in it, or that at its end."""
+    """Return the manoeuvre of each time from one row to another: a turn or roundabout in it, or that at its end."""
     manoeuvre = code[back]
     for turn in (LEFT, RIGHT, ROUNDABOUT):
         before = np.concatenate([[0], np.cumsum(code == turn)])

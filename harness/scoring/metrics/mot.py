@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from harness.scoring.evidence.sequence import MotSequence
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.clear import ClearScores, clear, clear_of_parts
-from harness.scoring.metrics.hota import HotaPart, hota_of_parts, measure_hota
+from harness.scoring.metrics.clear import ClearScores, clear
+from harness.scoring.metrics.hota import HotaPart, measure_hota
 from harness.scoring.metrics.identity import idf1, measure_identity
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray
 
@@ -43,7 +42,7 @@ class MotPart:
     accuracy: HotaPart
     events: ClearScores
     identity: tuple[int, int]
-    time_s: FloatArray
+    time_s: FloatArray = field(metadata=ROWS)
 
 
 def measure_in_sight(evidence: Evidence) -> MotPart:
@@ -61,7 +60,8 @@ def measure_sequence(sequence: MotSequence, time_s: FloatArray) -> MotPart:
     return MotPart(measure_hota(sequence), clear(sequence), measure_identity(sequence), time_s)
 
 
-def multi_object_scores(parts: Sequence[MotPart], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+@of_whole
+def multi_object_scores(part: MotPart, basis: Basis) -> dict[str, float]:  # noqa: ARG001
     """Score stretches that share no identity.
 
     Returns:
@@ -70,18 +70,15 @@ def multi_object_scores(parts: Sequence[MotPart], basis: Basis) -> dict[str, flo
         vehicle left the set), ``missed`` and ``false_tracks`` as counts of CLEAR, the last also per step; identity
         switches per minute of a vehicle in the set; vehicle-steps ``truth_n`` and track-steps ``tracks_n``.
     """
-    time_s = joined([part.time_s for part in parts])
-    truths, tracks = sum(part.accuracy.truths for part in parts), sum(part.accuracy.tracks for part in parts)
+    time_s, truths, events = part.time_s, part.accuracy.truths, part.events
     percent = 100.0 if truths else np.nan
-    accuracy = hota_of_parts([part.accuracy for part in parts])
-    events = clear_of_parts([part.events for part in parts])
-    matched, rows = (sum(part.identity[place] for part in parts) for place in (0, 1))
+    accuracy = part.accuracy.scores()
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.nan
     return {
         "hota": percent * accuracy.hota,
         "deta": percent * accuracy.deta,
         "assa": percent * accuracy.assa,
-        "idf1": percent * idf1(matched, rows),
+        "idf1": percent * idf1(*part.identity),
         "mota": percent * events.mota,
         "id_switches": events.id_switches,
         "fragmentations": events.fragmentations,
@@ -90,5 +87,5 @@ def multi_object_scores(parts: Sequence[MotPart], basis: Basis) -> dict[str, flo
         "false_tracks_per_scan": events.false_tracks / len(time_s) if len(time_s) else np.nan,
         "id_switches_per_vehicle_minute": events.id_switches / (truths * step_s / 60.0) if truths else np.nan,
         "truth_n": truths,
-        "tracks_n": tracks,
+        "tracks_n": part.accuracy.tracks,
     }

@@ -5,14 +5,12 @@ A step counts if the same track followed the vehicle at the step before as well 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.mae import STATES
-from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -77,7 +75,8 @@ def measure_motion(evidence: Evidence) -> FloatArray:
     return table
 
 
-def quality_of_motion(parts: Sequence[FloatArray], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def quality_of_motion(total: FloatArray, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Return the scores of all vehicles and by visibility.
 
     Returns:
@@ -87,7 +86,6 @@ def quality_of_motion(parts: Sequence[FloatArray], basis: Basis) -> dict[str, ob
         error of the acceleration that a track states; ``heading_deg``, that of the direction of its speed, of vehicles
         at 2 m/s or more, on roads with a frame of their own; ``n``, vehicle-steps. nan where there is nothing.
     """
-    total = np.sum(parts, axis=0)
     table: dict[str, object] = {}
     for name, sums in zip(STATES, total, strict=True):
         mean = {each: ratio(*pair) for each, pair in zip(MEASURED, sums.tolist(), strict=True)}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, ratio
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -32,10 +31,8 @@ class NeverSeenPart:
 
     ``classes`` counts stretches, ``occupied`` those with a vehicle; the losses are of the probability that there is
     one.
-    ``asked`` says whether anybody said what to expect.
     """
 
-    asked: bool
     classes: IntArray
     expected: FloatArray
     counted: FloatArray
@@ -46,17 +43,16 @@ class NeverSeenPart:
     squared_loss: float
 
 
-def measure_unseen(evidence: Evidence) -> NeverSeenPart:
-    """Measure a stretch of a run."""
-    none = np.zeros(0)
-    asked = evidence.unseen is not None
-    expected, counted = (none, none) if evidence.unseen is None else (evidence.unseen.expected, evidence.unseen.counted)
+def measure_unseen(evidence: Evidence) -> NeverSeenPart | None:
+    """Measure a stretch of a run; None where nobody said what to expect."""
+    if evidence.unseen is None:
+        return None
+    expected, counted = evidence.unseen.expected, evidence.unseen.counted
     of_class = np.searchsorted(EDGES, expected, side="right")
     occupied = counted > 0.0
     probability = np.clip(-np.expm1(-expected), LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
     size = len(EDGES) + 1
     return NeverSeenPart(
-        asked=asked,
         classes=np.bincount(of_class, minlength=size),
         expected=np.bincount(of_class, expected, minlength=size).astype(np.float64),
         counted=np.bincount(of_class, counted, minlength=size).astype(np.float64),
@@ -68,7 +64,8 @@ def measure_unseen(evidence: Evidence) -> NeverSeenPart:
     )
 
 
-def scores_of_unseen(parts: Sequence[NeverSeenPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
+@of_whole
+def scores_of_unseen(part: NeverSeenPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
     """Return how well the expected number of vehicles without a track fits those that there are.
 
     Returns:
@@ -79,27 +76,18 @@ def scores_of_unseen(parts: Sequence[NeverSeenPart], basis: Basis) -> dict[str, 
         there is in hindsight; ``curve``, the classes of the reliability curve; ``stretches``. Empty where no lanes are
         known or nobody said what to expect.
     """
-    stretches = sum(int(part.classes.sum()) for part in parts)
-    if not any(part.asked for part in parts):
-        return {}
-    classes, expected, counted = (
-        np.sum([getattr(part, name) for part in parts], axis=0) for name in ("classes", "expected", "counted")
-    )
-    squared, product, occupied, log_loss, squared_loss = (
-        sum(getattr(part, name) for part in parts)
-        for name in ("expected_squared", "expected_times_counted", "occupied", "log_loss", "squared_loss")
-    )
-    share = ratio(occupied, stretches)
+    stretches, expected, counted = int(part.classes.sum()), part.expected, part.counted
+    share = ratio(part.occupied, stretches)
     return {
         "expected": ratio(expected.sum(), stretches),
         "counted": ratio(counted.sum(), stretches),
         "expected_over_counted": ratio(expected.sum(), counted.sum()),
-        "slope": ratio(product, squared),
-        "log_skill_percent": _skill(log_loss, -stretches * _entropy(share)),
-        "brier_skill_percent": _skill(squared_loss, stretches * share * (1.0 - share)),
+        "slope": ratio(part.expected_times_counted, part.expected_squared),
+        "log_skill_percent": _skill(part.log_loss, -stretches * _entropy(share)),
+        "brier_skill_percent": _skill(part.squared_loss, stretches * share * (1.0 - share)),
         "curve": [
             {"stretches": int(count), "expected": ratio(mean, count), "counted": ratio(there, count)}
-            for count, mean, there in zip(classes, expected, counted, strict=True)
+            for count, mean, there in zip(part.classes, expected, counted, strict=True)
         ],
         "stretches": stretches,
     }

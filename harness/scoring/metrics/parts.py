@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import wraps
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -12,6 +13,10 @@ from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import Evidence
 
 Part = TypeVar("Part")
+
+
+ROWS = {"rows": True}
+"""Metadata of a part's field whose arrays or lists stand one after the other in the whole, instead of added up."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,37 @@ class InParts(Generic[Part]):
     def __call__(self, evidence: Evidence) -> Mapping[str, object]:
         """Score evidence that is a whole run."""
         return self.total([self.measure(evidence)], Basis(evidence.settings, evidence.seed))
+
+
+def of_whole(
+    total: Callable[[Part, Basis], Mapping[str, object]],
+) -> Callable[[Sequence[Part | None], Basis], Mapping[str, object]]:
+    """Return the total of parts, made of all of them as one; without any but None it has no meaning, and is empty."""
+
+    @wraps(total)
+    def of_parts(parts: Sequence[Part | None], basis: Basis) -> Mapping[str, object]:
+        known = [part for part in parts if part is not None]
+        return total(combined(known), basis) if known else {}
+
+    return of_parts
+
+
+def combined(parts: Sequence[Any]) -> Any:  # noqa: ANN401
+    """Return parts as one: numbers, arrays and all inside tuples and dataclasses added up, but for ``ROWS``."""
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    if is_dataclass(first) and not isinstance(first, type):
+        together: dict[str, Any] = {}
+        for each in fields(first):
+            values = [getattr(part, each.name) for part in parts]
+            row = [item for value in values for item in value] if isinstance(values[0], list) else None
+            alone = each.metadata.get("rows")
+            together[each.name] = combined(values) if not alone else joined(values) if row is None else row
+        return replace(first, **together)
+    if isinstance(first, tuple):
+        return tuple(combined(values) for values in zip(*parts, strict=True))
+    return np.sum(parts, axis=0) if isinstance(first, np.ndarray) else sum(parts)
 
 
 def joined(arrays: Sequence[np.ndarray[Any, np.dtype[Any]]], axis: int = 0) -> np.ndarray[Any, np.dtype[Any]]:

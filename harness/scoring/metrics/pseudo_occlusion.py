@@ -7,8 +7,7 @@ constant velocity.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from harness.scoring.evidence.matching import find_track_rows
 from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import ROWS, Basis, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -64,14 +63,14 @@ class Windows:
         situation: Index into ``SITUATIONS``.
     """
 
-    length_s: FloatArray
-    followed: BoolArray
-    error_m: FloatArray
-    constant_m: FloatArray
-    in_ellipse: BoolArray
-    same_id: BoolArray
-    judged: BoolArray
-    situation: IntArray
+    length_s: FloatArray = field(metadata=ROWS)
+    followed: BoolArray = field(metadata=ROWS)
+    error_m: FloatArray = field(metadata=ROWS)
+    constant_m: FloatArray = field(metadata=ROWS)
+    in_ellipse: BoolArray = field(metadata=ROWS)
+    same_id: BoolArray = field(metadata=ROWS)
+    judged: BoolArray = field(metadata=ROWS)
+    situation: IntArray = field(metadata=ROWS)
 
 
 def measure_pseudo_occlusions(evidence: Evidence) -> Windows | None:
@@ -162,7 +161,8 @@ def _situations(truth: TruthRows, onset: IntArray, last: IntArray) -> IntArray:
     return np.where(turned, 2, np.where(np.abs(sideways) > SIDEWAYS_M, 3, np.where(follows, 0, 1)))
 
 
-def scores_of_pseudo_occlusions(parts: Sequence[Windows | None], basis: Basis) -> dict[str, object]:
+@of_whole
+def scores_of_pseudo_occlusions(windows: Windows, basis: Basis) -> dict[str, object]:
     """Return the scores of all windows, by their length and by situation.
 
     Returns:
@@ -174,11 +174,6 @@ def scores_of_pseudo_occlusions(parts: Sequence[Windows | None], basis: Basis) -
         ``same_id_percent``, those after which the same track is on the vehicle half a second later. Empty where no
         vehicle is hidden on purpose.
     """
-    known = [part for part in parts if part is not None]
-    if not known:
-        return {}
-    names = [field.name for field in fields(Windows)]
-    windows = Windows(**{name: joined([getattr(part, name) for part in known]) for name in names})
     everything = np.ones(len(windows.length_s), dtype=np.bool_)
     lengths = sorted({*USUAL_S, *windows.length_s.tolist()})
     table = {"all": _scores(windows, everything, basis.settings)}

@@ -46,8 +46,7 @@ class Metric:
     """A metric: its function and what people are told of its numbers.
 
     ``score`` returns a table of plain values; what has no rows behind it is nan or None, and never absent. An empty
-    table
-    says that the metric has no meaning on the run's road, and is left out.
+    table says that the metric has no meaning on the run's road, and is left out.
     """
 
     score: Score

@@ -6,7 +6,6 @@ record tells which was right: no map is needed, and no way is right that merely 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,7 @@ from harness.scoring.evidence.rows import RunRows, TruthRows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.manoeuvre import LEFT, RIGHT, ROUNDABOUT, manoeuvre_between, manoeuvres
-from harness.scoring.metrics.parts import Basis
+from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -36,27 +35,24 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class TurnsPart:
-    """Unseen turns of a stretch, and those with the old track on the right route at the re-detection and a step before.
+    """Unseen turns, and those with the old track on the right route at the re-detection and a step before."""
 
-    ``in_plane`` says whether there are directions to tell turns by.
-    """
-
-    in_plane: bool
     events: int
     right: int
     foreseen: int
 
 
-def measure_turns(evidence: Evidence) -> TurnsPart:
-    """Count in a stretch."""
+def measure_turns(evidence: Evidence) -> TurnsPart | None:
+    """Count in a stretch; None on a road with a frame of its own."""
     rows, events = evidence.rows, evidence.events
+    if rows.ego_direction_rad is None:
+        return None
     code = manoeuvre_between(manoeuvres(rows), events.onset_row, events.return_row)
     turned = np.isin(code, (LEFT, RIGHT, ROUNDABOUT)) & (events.duration_s >= UNSEEN_S - TIME_TOLERANCE_S)
     onset, back = events.onset_row[turned], events.return_row[turned]
     holder = evidence.matching.holder[onset]
     cutoff_m = evidence.settings.follow_cutoff_m
     return TurnsPart(
-        in_plane=rows.ego_direction_rad is not None,
         events=len(onset),
         right=int(on_right_route(rows, onset, back, back, holder, cutoff_m).sum()),
         foreseen=int(on_right_route(rows, onset, back, back - 1, holder, cutoff_m).sum()),
@@ -103,8 +99,9 @@ def distance_to_line(place: FloatArray, line: FloatArray) -> float:
     return float(np.hypot(*(place - start - share[:, None] * step).T).min())
 
 
-def scores_of_turns(parts: Sequence[TurnsPart], basis: Basis) -> dict[str, object]:  # noqa: ARG001
-    """Return how often the right route is reported.
+@of_whole
+def scores_of_turns(part: TurnsPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+    """Return how often the right route is told.
 
     Returns:
         Of ``events``, occlusions of at least 2 s in which a vehicle turns or is on a roundabout:
@@ -112,11 +109,8 @@ def scores_of_turns(parts: Sequence[TurnsPart], basis: Basis) -> dict[str, objec
         within 10 m of it and within 3 m of the way that it drove; ``foreseen_percent``, the same a step earlier, before
         the detection could tell. Empty on a road with a frame of its own.
     """
-    if not any(part.in_plane for part in parts):
-        return {}
-    events, right, foreseen = (sum(getattr(part, name) for part in parts) for name in ("events", "right", "foreseen"))
     return {
-        "right_route_percent": 100.0 * right / events if events else np.nan,
-        "foreseen_percent": 100.0 * foreseen / events if events else np.nan,
-        "events": events,
+        "right_route_percent": ratio(100.0 * part.right, part.events),
+        "foreseen_percent": ratio(100.0 * part.foreseen, part.events),
+        "events": part.events,
     }

@@ -16,8 +16,8 @@ from harness.scoring.evidence.rows import read_run
 from harness.scoring.evidence.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.clear import clear
-from harness.scoring.metrics.hota import hota
-from harness.scoring.metrics.identity import identity
+from harness.scoring.metrics.hota import measure_hota
+from harness.scoring.metrics.identity import idf1, measure_identity
 from tests.harness.running.test_logged import STEPS, WRITERS, metrics_of, score
 from tests.harness.scoring.scenes import traffic
 
@@ -99,7 +99,7 @@ def assert_equal_to_trackeval(sequence: MotSequence) -> None:
     data = trackeval_data(sequence)
     quiet = {"PRINT_CONFIG": False}
     expected = trackeval.metrics.HOTA().eval_sequence(data)
-    ours = hota(sequence)
+    ours = measure_hota(sequence).scores()
     assert ours.hota == pytest.approx(expected["HOTA"].mean(), abs=TOLERANCE)
     assert ours.deta == pytest.approx(np.mean(expected["DetA"]), abs=TOLERANCE)
     assert ours.assa == pytest.approx(expected["AssA"].mean(), abs=TOLERANCE)
@@ -111,7 +111,7 @@ def assert_equal_to_trackeval(sequence: MotSequence) -> None:
     assert events.missed == expected["CLR_FN"]
     assert events.false_tracks == expected["CLR_FP"]
     expected = trackeval.metrics.Identity(quiet).eval_sequence(data)
-    assert identity(sequence) == pytest.approx(expected["IDF1"], abs=TOLERANCE)
+    assert idf1(*measure_identity(sequence)) == pytest.approx(expected["IDF1"], abs=TOLERANCE)
 
 
 def trackeval_data(sequence: MotSequence) -> dict:

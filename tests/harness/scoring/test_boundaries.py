@@ -16,12 +16,13 @@ from harness.scoring.evidence.events import _track_ids, row_after
 from harness.scoring.evidence.history import last_row_where
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import stretches
-from harness.scoring.metrics.clear import ClearScores, clear_of_parts
+from harness.scoring.metrics.clear import ClearScores
 from harness.scoring.metrics.closedloop import BY_COLLISION, IN_TIME, Contact, Driven, score_drive
 from harness.scoring.metrics.conflicts import ConflictPart, conflicts
 from harness.scoring.metrics.coverage import NoisePart, detection_noise
 from harness.scoring.metrics.hidden_by import cause_between
 from harness.scoring.metrics.manoeuvre import heading_rate, manoeuvre_between
+from harness.scoring.metrics.parts import combined
 from harness.scoring.metrics.scarce import check_scored
 from harness.scoring.metrics.unseen_turns import TurnsPart, _way, distance_to_line, scores_of_turns
 
@@ -55,11 +56,10 @@ def test_a_run_with_a_vehicle_in_sight_in_a_twentieth_of_its_steps_is_scored_and
 
 
 def test_parts_of_clear_add_up():
-    parts = [ClearScores(0.1, 5, 1, 2, 1, 3), ClearScores(0.2, 3, 4, 0, 2, 1)]
-    assert clear_of_parts(parts) == ClearScores((8 - 2 - 3) / 13, 8, 5, 2, 3, 4)
-    assert clear_of_parts([ClearScores(0.0, 0, 3, 0, 0, 0)]).mota == 0.0
-    assert clear_of_parts([ClearScores(0.0, 0, 0, 3, 0, 0)]).mota == 0.0
-    assert clear_of_parts([ClearScores(0.0, 0, 3, 1, 0, 0)]).mota == -1 / 3
+    whole = combined([ClearScores(5, 1, 2, 1, 3), ClearScores(3, 4, 0, 2, 1)])
+    assert whole == ClearScores(8, 5, 2, 3, 4)
+    assert whole.mota == (8 - 2 - 3) / 13
+    assert [ClearScores(0, *rest, 0, 0).mota for rest in ((3, 0), (0, 3), (3, 1))] == [0.0, 0.0, -1 / 3]
 
 
 def test_parts_of_the_detections_noise_add_up():
@@ -73,10 +73,10 @@ def test_parts_of_the_detections_noise_add_up():
 
 
 def test_parts_of_unseen_turns_add_up():
-    parts = [TurnsPart(True, 3, 2, 1), TurnsPart(False, 1, 1, 1)]
+    parts = [TurnsPart(3, 2, 1), None, TurnsPart(1, 1, 1)]
     assert scores_of_turns(parts, None) == {"right_route_percent": 75.0, "foreseen_percent": 50.0, "events": 4}
-    assert scores_of_turns([TurnsPart(False, 3, 2, 1)], None) == {}
-    assert np.isnan([*scores_of_turns([TurnsPart(True, 0, 0, 0)], None).values()][:2]).all()
+    assert scores_of_turns([None], None) == {}
+    assert np.isnan([*scores_of_turns([TurnsPart(0, 0, 0)], None).values()][:2]).all()
 
 
 def test_conflicts_are_counted_below_and_above_their_limits_not_at_them():
