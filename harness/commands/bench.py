@@ -12,13 +12,20 @@ from harness.config.options import Option
 class Options(TypedDict):
     """The options of ``bench``."""
 
-    vehicles: Annotated[str, Option("Numbers of vehicles in range, separated by commas.", default="10,25,50,100,200")]
+    vehicles: Annotated[
+        str | None,
+        Option("Numbers of vehicles in range, separated by commas. (default: 10,25,50,100,200; with --against 50)"),
+    ]
     trackers: Annotated[
         str | None,
         Option(
             "Trackers, separated by commas: mmpf:MODEL, stonesoup-gnn, stonesoup-gnn:coarse, ... "
-            "(default: mmpf with residual, gmm and cvm, and Stone Soup's)"
+            "(default: mmpf with residual, gmm and cvm, and Stone Soup's; with --against mmpf:residual)"
         ),
+    ]
+    against: Annotated[
+        str | None,
+        Option("Git revision: compare the processor times of steps with it, in turns.", metavar="REVISION"),
     ]
     particles: Annotated[int, Option("Particles per vehicle.", default=1000, least=10)]
     steps: Annotated[int, Option("Scans per scene.", default=40, least=8)]
@@ -31,15 +38,17 @@ class Options(TypedDict):
     quiet: shared.Quiet
 
 
-def command(options: Options) -> None:
+def command(options: Options) -> int:
     """Measure the time per step and stage for increasing numbers of vehicles.
 
-    All trackers process the same detections, in turn, in one process.
+    All trackers process the same detections, in turn, in one process. With --against, the code as it is and that of
+    the revision do so in processes of their own, scan by scan; exit code 1 if a step has become slower.
 
     Examples:
       python -m harness bench
       python -m harness bench --trackers mmpf:gmm,mmpf:idm --vehicles 50,200
+      python -m harness bench --against HEAD~1
     """
     from harness.commands.actions.measure import measure  # noqa: PLC0415
 
-    measure(options)
+    return measure(options)

@@ -8,7 +8,8 @@ HANGUP, INTERRUPTED, READER_GONE, TERMINATED = 129, 130, 141, 143
 MEANINGS = {
     DONE: "success; for `compare`: no metric is worse by more than the tolerance, or undecided with "
     "`--allow-undecided`",
-    WORSE: "`compare`: a metric is worse by more than the tolerance; `.ci/reference.py --check`: a number differs",
+    WORSE: "`compare`: a metric is worse by more than the tolerance; `bench --against`: a step is slower; "
+    "`.ci/reference.py --check`: a number differs",
     WRONG_INPUT: "wrong input: one line names the option or file, the fault and the fix",
     RUN_FAILED: "a run failed, or its results could not be written; finished runs are kept",
     UNDECIDED: "`compare`: undecided: there are too few runs, or runs or values are missing",

@@ -8,27 +8,30 @@ from typing import Any
 import typer
 
 from harness.common.errors import InputError
+from harness.common.exit_codes import DONE, WORSE
 from harness.common.files import write_text
 from harness.common.markdown import markdown_table, show_markdown
 from harness.common.numbers import as_json, without_nan
 from harness.common.progress import progress_bar
+from harness.lab.against import PAIRS, time_ratios
 from harness.lab.bench import BenchPlan, run_bench
 
 
-def measure(options: Mapping[str, Any]) -> None:
-    """Run ``bench`` with the given options; raises ``InputError`` where they are wrong."""
-    out, quiet = options["out"], options["quiet"]
+def measure(options: Mapping[str, Any]) -> int:
+    """Run ``bench`` with the given options and return the exit code; raises ``InputError`` where they are wrong."""
+    out, quiet, against = options["out"], options["quiet"], options["against"]
+    trackers = options["trackers"] or ("mmpf:residual" if against else "")
     plan = BenchPlan(
-        vehicles=_counts(options["vehicles"]),
-        trackers=tuple(name.strip() for name in (options["trackers"] or "").split(",") if name.strip()),
+        vehicles=_counts(options["vehicles"] or ("50" if against else "10,25,50,100,200")),
+        trackers=tuple(name.strip() for name in trackers.split(",") if name.strip()),
         particles=options["particles"],
         steps=options["steps"],
         seed=options["seed"],
         budget_s=options["budget"],
     )
-    steps = len(plan.vehicles) * plan.steps
+    steps = len(plan.vehicles) * (PAIRS * len(plan.trackers) * (plan.steps - 1) if against else plan.steps)
     with progress_bar("bench", steps, quiet, before="bench: compiling, warming up") as advance:
-        result = without_nan(run_bench(plan, advance))
+        result = {"against": time_ratios(against, plan, advance)} if against else without_nan(run_bench(plan, advance))
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "bench.json", as_json(result))
     if not quiet:
@@ -36,6 +39,7 @@ def measure(options: Mapping[str, Any]) -> None:
         typer.echo(f"written to {out}", err=True)
     if options["json"]:
         typer.echo(as_json(result), nl=False)
+    return WORSE if any(row["verdict"] == "slower" for row in result.get("against", ())) else DONE
 
 
 def _tables(result: Mapping[str, Any]) -> str:
@@ -45,11 +49,14 @@ def _tables(result: Mapping[str, Any]) -> str:
         return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
 
     heads = {
+        "Processor time of a step, now and then": ("against", ""),
         "Time of a step and its stages, median in ms": ("rows", "stages_ms_p50"),
         "Sampling from a conditional Gaussian mixture": ("gmm", ""),
     }
     lines: list[str] = []
     for title, (name, stages) in heads.items():
+        if name not in result:
+            continue
         rows = [{key: row[key] for key in row if key != stages} for row in result[name]]
         told = [
             ", ".join(f"{stage} {cell(ms)}" for stage, ms in row.get(stages, {}).items()) or "-" for row in result[name]
