@@ -25,7 +25,7 @@ PAGES = (
     ROOT / "tests" / "plugin_example" / "plugin_example.py",
 )
 PUBLIC = ("harness.plugins", "harness", "mmpf")
-COMMANDS = ("harness.lab.tuning.search", "harness.lab.fit.detectability_fit", "harness.lab.fit.lidar_view")
+COMMANDS = ("harness.lab.tuning.search", "harness.lab.fit.lidar_view")
 """Modules that are run by ``python -m``, and imported by no page."""
 DOTTED = re.compile(r"(?<![\w./-])(?:harness|mmpf)(?:\.(?!md\b)[A-Za-z_]\w*)+")
 IMPORT = re.compile(r"^\s*(?:>>> )?(?:from|import) ((?:harness|mmpf)[\w.]*)(?: import (.+))?$", re.MULTILINE)

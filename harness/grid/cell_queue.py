@@ -26,9 +26,6 @@ class CellQueue:
 
         Args:
             remembered: Traffic of the cell that the worker did last; None for a new one.
-
-        Raises:
-            ValueError: No cell waits.
         """
         traffic = remembered
         if traffic not in self._begun:

@@ -45,7 +45,6 @@ class Cell:
     """Runs that share their truth and detections.
 
     Attributes:
-        runs: The runs; net, traffic, sensor and seed are the same in all.
         keep_in: Folder in which each run leaves a run folder of its own; None where only its row is kept.
     """
 
@@ -68,7 +67,6 @@ class PlannedRun:
     """One run of the grid.
 
     Attributes:
-        config: Its whole configuration.
         variant: The tracker as the user wrote it, with its own settings.
         varied: Values of the other axes by key; absent where an axis does not concern the tracker.
         mismatch: Name of the mismatch between what is true and what is believed; None outside a grid of them.

@@ -55,8 +55,6 @@ def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float
     A cell whose worker disappears is given to another one; its runs are made again.
 
     Args:
-        client: The cluster.
-        cells: What to run.
         timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
         on_row: Called with the key and row of every run once.
     """
@@ -76,12 +74,7 @@ def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float
 
 
 def run_cell(cell: Cell, timeout_s: float | None) -> list[tuple[str, Row]]:
-    """Run one cell in a process of its own, on the machine that this is called on.
-
-    Args:
-        cell: What to run.
-        timeout_s: As for the whole grid.
-    """
+    """Run one cell in a process of its own, on the machine that this is called on."""
     rows: list[tuple[str, Row]] = []
     run_cells([cell], 1, timeout_s, lambda key, row: rows.append((key, row)))
     return rows

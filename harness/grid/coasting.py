@@ -36,10 +36,6 @@ def coasting_errors(looks: Looks, seed: int) -> pd.DataFrame:
 def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, Any]:
     """Return mean errors of hidden vehicles beside those of coasting on the same rows.
 
-    Args:
-        errors: Error table of a tracker.
-        coasting: That of coasting.
-
     Returns:
         ``hidden`` over all, ``by_seconds_hidden`` by the time since the last detection: mean absolute longitudinal
         errors ``lon_m`` and ``coasting_lon_m``, None without rows, and their number ``n``.

@@ -46,12 +46,7 @@ class GridRequest:
             demands are given.
         densities: Vehicles per km and lane, a range or list; None with ``demands`` or a network with its own demand.
         demands: Named demands, a list; None with ``densities``.
-        trackers: Trackers, a list.
         models: Motion models, a list; None for the tracker's default.
-        seeds: Number or range of seeds.
-        duration_s: Scored seconds per run.
-        particles: Particles per vehicle.
-        sensor: Sensor profile.
         settings: ``KEY=VALUE`` words that hold for all runs.
         vary: ``KEY=VALUES`` words; each is one more axis.
         replay: Files of recorded traffic in place of simulated traffic.

@@ -31,13 +31,7 @@ Outcome = TypeVar("Outcome")
 
 @dataclass(frozen=True)
 class Telling:
-    """How progress and warnings are shown to the user.
-
-    Attributes:
-        quiet: Whether to leave out the progress bar.
-        warn: Called with a line that should be read.
-        tell: Called with what was read of each file of recorded traffic.
-    """
+    """How the user is told of what goes on: lines that should be read, and what was read of each recording."""
 
     quiet: bool = True
     warn: Callable[[str], object] = str
@@ -64,9 +58,6 @@ class Making:
     """What is made.
 
     Attributes:
-        grid: The grid.
-        table: What was asked for, the content of ``grid.json``.
-        command: What the user typed, for the manifest.
         kind: What kind of folder it makes (``harness.storage.ownership``), which heads the progress bar too.
     """
 
@@ -89,13 +80,9 @@ def make_rows(
     """Make the rows of a grid that its folder lacks, then write their results.
 
     Args:
-        making: What is made.
-        out: The folder.
-        execute: Runs the cells.
         write_outcome: Writes what all rows tell into the folder, and returns it.
         resume: Whether rows that the folder already holds are kept.
         retry_failed: Whether those of them that failed are made again.
-        user: How the user is told of what goes on.
 
     Raises:
         InputError: The folder is wrong; no run was made.

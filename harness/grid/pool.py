@@ -41,8 +41,6 @@ def run_cells(
     """Run all cells in worker processes.
 
     Args:
-        cells: What to run.
-        workers: Number of processes.
         timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
         on_row: Called with the key and row of every run once, in the order in which they end.
         worker_module: Module whose ``main`` a worker process runs.
@@ -76,19 +74,7 @@ def _patience(pool: Sequence[_Worker]) -> float:
 
 @dataclass
 class _Worker:
-    """A worker process as its owner sees it.
-
-    Attributes:
-        timeout_s: Longest time between two beginnings.
-        module: Module whose ``main`` the process runs.
-        cell: The present cell.
-        rest: Runs of the present cell that have not ended, by key.
-        cells: How many cells it was given.
-        traffic: Traffic of the last of them.
-        idle: Whether it waits for a cell.
-        gone: Whether it died or was stopped.
-        deadline: When the present piece of work must have ended.
-    """
+    """A worker process as its owner sees it."""
 
     timeout_s: float | None
     module: str

@@ -38,15 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FinishedGrid:
-    """A grid that ended.
-
-    Attributes:
-        folder: Where its files lie.
-        title: What its tables are headed by.
-        summary: Content of its ``summary.json``.
-        points: The curves.
-        breaks: Where each tracker breaks.
-    """
+    """A grid that ended: its folder, the title and summary of its tables, the curves, and where trackers break."""
 
     folder: Path
     title: str
@@ -73,13 +65,9 @@ def run_stress(
     """Run a grid and write its folder.
 
     Args:
-        request: The grid.
-        out: The folder.
         execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
         resume: Whether runs that the folder already holds are kept.
         retry_failed: Whether those of them that failed are made again.
-        user: How the user is told of what goes on; None for not at all.
-        command: What the user typed, for the manifest.
 
     Raises:
         InputError: The grid or the folder is wrong; no run was made.
@@ -101,11 +89,7 @@ def run_stress(
 
 
 def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
-    """Find a wrong network, recording, sensor or tracker before any run is made; report what recordings hold.
-
-    Raises:
-        InputError: Something is wrong.
-    """
+    """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings."""
     if grid.is_replay:
         _check_sensors_and_trackers(grid)
         _check_recordings(grid, tell)

@@ -43,7 +43,6 @@ class Started:
 
     Attributes:
         what: ``cell``: the traffic; ``run``: a run; ``stepping``: that run's first step is done and kernels compiled.
-        key: Key of the run, empty for a cell.
     """
 
     what: str
@@ -52,12 +51,7 @@ class Started:
 
 @dataclass(frozen=True)
 class Finished:
-    """A run ended, well or not.
-
-    Attributes:
-        key: Key of the run.
-        row: Its row.
-    """
+    """A run ended, well or not; ``row`` is its row."""
 
     key: str
     row: Row
@@ -73,13 +67,7 @@ Report = Callable[[Message], None]
 
 
 def work_on_cell(cell: Cell, report: Report, open_looks: OpenLooks = open_looks) -> None:
-    """Simulate a cell's traffic once and run every tracker over it; failures are rows.
-
-    Args:
-        cell: What to run.
-        report: Called with what happens, in order.
-        open_looks: Opens what the cell's configuration asks to look at.
-    """
+    """Simulate a cell's traffic once and run every tracker over it; failures are rows."""
     report(Started(CELL))
     begin = perf_counter()
     try:

@@ -20,11 +20,7 @@ Worlds = dict[str, tuple[str, ...]]
 
 
 def usual_worlds(sensor: SensorSettings) -> Worlds:
-    """Return the settings of the worlds of ``--mismatch`` alone; those that multiply, on top of the sensor's figures.
-
-    Args:
-        sensor: The sensor's figures.
-    """
+    """Return the settings of the worlds of ``--mismatch``; those that multiply, on top of the sensor's figures."""
     return {
         AS_IS: (),
         "noise believed x 0.5": ("tracker.believes.noise_factor=0.5",),
@@ -40,11 +36,7 @@ def usual_worlds(sensor: SensorSettings) -> Worlds:
 
 
 def altered_worlds(sensor: SensorSettings) -> Worlds:
-    """Return the settings of the worlds that are made from the sensor's own detections.
-
-    Args:
-        sensor: The sensor's figures; false objects of another kind are as many as its own.
-    """
+    """Return the settings of the worlds that are made from the sensor's own detections."""
     return {
         "bursts": ("altered.burst_share=0.15", "altered.burst_s=0.8"),
         "long-bursts": ("altered.burst_share=0.1", "altered.burst_s=2.0"),
@@ -74,12 +66,7 @@ def altered_worlds(sensor: SensorSettings) -> Worlds:
 
 
 def worlds(sensor: SensorSettings, *, of_finished: bool) -> Worlds:
-    """Return all worlds, as is first.
-
-    Args:
-        sensor: The sensor's figures.
-        of_finished: Whether they are for finished runs, whose sensor can not be simulated anew.
-    """
+    """Return all worlds, as is first."""
     known = usual_worlds(sensor) | altered_worlds(sensor)
     # The same world by another mechanism.
     del known["bursts 15 % of 0.8 s"]
@@ -100,8 +87,6 @@ def chosen_worlds(asked: str | None, sensor: SensorSettings, *, of_finished: boo
 
     Args:
         asked: Names with commas between, or ``all``; None for the usual ones, of finished runs all.
-        sensor: The sensor's figures.
-        of_finished: Whether they are for finished runs.
 
     Raises:
         InputError: There is no such world, or finished runs can not show it.

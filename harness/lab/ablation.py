@@ -111,10 +111,6 @@ def ideal_request(net: str, seeds: str, duration_s: float) -> GridRequest:
 def ablation_rows(runs: pd.DataFrame, arms: Mapping[str, str] = ABLATIONS) -> list[dict[str, Any]]:
     """Return mean and paired difference from the default for each arm and measure.
 
-    Args:
-        runs: Rows of a grid of ``ablation_request`` or ``ideal_request``.
-        arms: The arms of that grid.
-
     Returns:
         One row per arm: variant, what, runs, and for each measure ``mean``, ``difference`` and its 95 % bootstrap
         interval over seeds ``ci95``, None where nothing was measured.
@@ -139,13 +135,7 @@ def ablation_rows(runs: pd.DataFrame, arms: Mapping[str, str] = ABLATIONS) -> li
 
 
 def as_markdown(rows: Sequence[dict[str, Any]], ideal: Sequence[dict[str, Any]], setting: str) -> str:
-    """Return the tables: means, and in brackets how far each arm is from the default.
-
-    Args:
-        rows: What ``ablation_rows`` made of the grid under the default sensor.
-        ideal: The same of the grid under the paper's sensor.
-        setting: On what both were measured, in words.
-    """
+    """Return the tables: means, and in brackets how far each arm is from the default."""
     lines = [
         "# Ablation: what each departure from the paper is worth",
         "",

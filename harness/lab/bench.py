@@ -46,12 +46,8 @@ class BenchPlan:
     """What is measured.
 
     Attributes:
-        vehicles: Numbers of vehicles in range, ascending.
         trackers: Trackers by name, those of this project with their motion model (``mmpf:gmm``), Stone Soup's with
             ``:coarse`` for the gate that spares them distances to far detections; none for the usual ones.
-        particles: Particles per vehicle of this project's tracker.
-        steps: Scans per scene.
-        seed: Root seed of all random numbers.
         budget_s: Processor time that each tracker has for each number of vehicles; a slower one drops out.
     """
 
@@ -65,19 +61,7 @@ class BenchPlan:
 
 @dataclass
 class TimedTracker:
-    """A tracker on its way through a scene, with the times in ms of its steps so far.
-
-    Attributes:
-        name: What it is called.
-        tracker: The tracker.
-        model: Name of its motion model, None where it has its own.
-        particles: Particles per vehicle, None where there are none.
-        ms: Wall times.
-        cpu_ms: Processor times.
-        stages_ms: Wall times of the tracker's stages.
-        peak_mb: Highest resident memory of the process while this tracker stepped, what the others hold included.
-        tracks: Confirmed tracks after the last scan.
-    """
+    """A tracker on its way through a scene, with its wall and processor times and the process's highest memory."""
 
     name: str
     tracker: Tracker

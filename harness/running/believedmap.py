@@ -17,10 +17,6 @@ ONLY_LANE = 1
 def believed_map(road: Road, believes: BeliefsConfig) -> Road:
     """Return the road as trackers are given it.
 
-    Args:
-        road: What there is.
-        believes: What they are told instead.
-
     Raises:
         InputError: The road has no such lane, or has no lanes of one direction that could be one.
     """

@@ -28,7 +28,6 @@ def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tupl
 
     Args:
         rows: Rows as ``harness.truth.recorded.logs`` reads them, one at each time the ego.
-        road: The road.
         figures: The sensor, by whose reach and fractions vehicles are visible or hidden.
     """
     clock = _clock(rows)
@@ -117,8 +116,6 @@ def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.D
 
     Args:
         found: Rows as they were read; None if every vehicle that is not hidden counts as detected.
-        truth: The table of truth.
-        clock: See ``truth_table``.
     """
     if found is None:
         unseen = [VISIBILITY_STATES[HIDDEN], VISIBILITY_STATES[OUT]]

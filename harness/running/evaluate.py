@@ -41,12 +41,8 @@ class Evaluated:
     """A tracker's run that was followed and scored.
 
     Attributes:
-        road: The lanes.
         tables: What was recorded and what scoring made of it, by file; empty where it was written as the run went on.
         scores: The tables of scores by name, see ``harness.scoring.score.ScoredRun``.
-        traffic: The ``traffic`` table.
-        times: Wall times of the stages.
-        step_s: Simulated time of a step.
     """
 
     road: Road
@@ -71,9 +67,7 @@ class Evaluated:
         """Return the content of ``metrics.json``; a score that was not made is null, never absent.
 
         Args:
-            config: The run's configuration.
             about: Other tables about the run, by name.
-            total_s: Wall time of the whole run.
             stages_ms: Wall times inside the tracker by stage, where it tells them.
         """
         tables = {
@@ -95,12 +89,9 @@ class Evaluation:
 
     Attributes:
         looks: What the tracker is shown.
-        build: Builds the tracker.
-        seed: Root seed of the run.
         driven: The road of the truth, and the driver that is asked on it; None asks no driver.
         keepers: What else is kept, by the file of its table.
         writer: Writes each stretch; None keeps the run in memory.
-        times: Wall times of the stages.
     """
 
     looks: Looks
@@ -132,7 +123,6 @@ class Evaluation:
         """Follow the looks to their end.
 
         Args:
-            watchers: Called after every step.
             stream: Parent of the trackers' streams; None takes that of the root seed.
         """
         stream = Streams.from_seed(self.seed).tracker if stream is None else stream
@@ -195,12 +185,6 @@ def evaluation_of(
 ) -> Evaluation:
     """Return the evaluation that a configuration describes; its tracker sees only what the configuration allows.
 
-    Args:
-        config: The configuration.
-        looks: What it looks at.
-        keepers: What is kept beside what every run keeps, by the file of its table.
-        writer: Writes each stretch; None keeps the run in memory.
-
     Raises:
         InputError: Together with the data sheet the beliefs make no sense.
     """
@@ -223,16 +207,7 @@ def write_run(
     command: str,
     inputs: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the folder of a run that is in memory, without pictures; half a folder is none.
-
-    Args:
-        folder: The folder.
-        evaluated: What the run gave.
-        metrics: Content of its ``metrics.json``.
-        config: Its configuration.
-        command: What makes it again.
-        inputs: SHA-256 of each input file.
-    """
+    """Write the folder of a run that is in memory, without pictures; half a folder is none."""
     (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
     (folder / runfolder.MANIFEST).unlink(missing_ok=True)
     ownership.claim(folder, ownership.RUN)

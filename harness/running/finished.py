@@ -39,15 +39,10 @@ class RecordedRun:
     """Everything that a run folder says.
 
     Attributes:
-        folder: The folder.
-        config: What was run.
         metrics: Content of ``metrics.json``.
         manifest: Content of ``manifest.json``.
-        road: The lanes.
-        sensor: Settings of the sensor.
         truth: One row per vehicle and step.
         detections: One row per detection.
-        tracks: One row per track and step.
         errors: One row per vehicle that has been detected and step.
         events: One row per occlusion event.
         particles: A few particles of each step; None of a tracker without particles.
@@ -82,11 +77,7 @@ class RecordedRun:
 
     @cached_property
     def ramps(self) -> list[FloatArray]:
-        """Return the ground beside the main lanes on which vehicles drive, such as ramps.
-
-        Returns:
-            Outlines in the road frame, each of shape (n, 2); none in the plane, where every lane is known.
-        """
+        """Return the ground beside the main lanes on which vehicles drive, such as ramps."""
         if self.road.has_headings:
             return []
         rows = self.truth[~self.road.on_a_lane(floats(self.truth, "lon_m"), floats(self.truth, "lat_m"))]
@@ -117,7 +108,6 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     """Read a run folder.
 
     Args:
-        folder: The folder.
         parameter: Parameter that named it, for the message.
         most_rows: Rows of the truth after which no further stretch of a long run is read; None reads them all.
 

@@ -48,12 +48,8 @@ def follow(
     Each episode, that is each ego, gets a new tracker with its own stream; track identities stay unique over the run.
 
     Args:
-        looks: What is followed, from live traffic or on record.
         build_tracker: Called at the start of each episode.
-        recorder: Takes in every finished step.
         stream: Parent of one stream of randomness for each episode's tracker.
-        watchers: Called after every step with the look, the tracks and the tracker.
-        times: Wall times of the stages, filled in step by step.
     """
     keep_freed_memory()
     # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.

@@ -61,8 +61,6 @@ class Scored:
     """What a log is scored against.
 
     Attributes:
-        config: The configuration of its run.
-        looks: Truth and detections.
         clock: See ``harness.running.complete.truth_table``.
         moments: Episode and time of each sample of nuScenes.
     """
@@ -88,10 +86,7 @@ def score_logs(logs: Logs, out: Path | None, force: bool, command: str) -> tuple
     """Score a log and leave a run's folder.
 
     Args:
-        logs: The files and how to read them.
         out: The folder to write; None for a name in ``results/``.
-        force: Whether an earlier run there may be replaced.
-        command: What the user typed, for the manifest.
 
     Returns:
         The folder, the content of ``metrics.json``, and what the user should know.
@@ -140,11 +135,7 @@ def _log(logs: Logs, role: str, path: Path) -> LogFile:
 
 
 def _rows(log: LogFile) -> pd.DataFrame:
-    """Return the rows of a log, with numbers in each column that has a unit in its name.
-
-    Raises:
-        InputError: A file can't be read, or such a column holds something else than numbers.
-    """
+    """Return the rows of a log, with numbers in each column that has a unit in its name."""
     rows = log.read()
     for column in (name for name in rows if NUMBERS.search(str(name))):
         try:

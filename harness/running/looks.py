@@ -22,8 +22,6 @@ class Streams:
     """The run's independent streams of randomness, so that changing one part leaves the others' draws as they were.
 
     Attributes:
-        truth: For the traffic.
-        sensor: For the sensor's noise.
         tracker: Parent of one child for each episode's tracker.
         altered: Parent of the streams of what is done to detections afterwards.
     """
@@ -45,9 +43,7 @@ class Looks:
 
     Attributes:
         road: The road whose frame the looks use.
-        step_s: Time between looks.
         expected_steps: How many looks there are at most, for progress.
-        sensor: The sensor's data sheet.
         stream: The looks, each made when it is asked for; they can be gone through once unless they are ``kept``.
         close: Releases what makes them; harmless to call twice.
         files: The files that decided them, by a name for the manifest.
@@ -71,11 +67,6 @@ class Looks:
 
     def believed(self, sheet: Mapping[str, float], noise_factor: float | None, *, tells_signals: bool = False) -> Looks:
         """Return the same looks with changed information for trackers.
-
-        Args:
-            sheet: Values in place of those of the data sheet, by name.
-            noise_factor: Factor on the deviations that detections report to trackers; None for none.
-            tells_signals: Whether they are told the states of signals.
 
         Raises:
             InputError: Together with the data sheet the values make no sense.
@@ -110,13 +101,7 @@ class Looks:
 
 
 def look_at(truth: TruthSource, sensor: Sensor, seed: int) -> Looks:
-    """Let a sensor look at traffic.
-
-    Args:
-        truth: The traffic.
-        sensor: The sensor.
-        seed: Root seed of the run, from which the sensor's noise is drawn.
-    """
+    """Let a sensor look at traffic."""
     rng = np.random.default_rng(Streams.from_seed(seed).sensor)
     return Looks(
         road=truth.road,

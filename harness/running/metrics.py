@@ -22,14 +22,7 @@ from mmpf.numerics.arrays import FloatArray
 def timing_table(
     times: StageTimes, step_s: float, total_s: float, stages_ms: Mapping[str, Sequence[float]] | None = None
 ) -> dict[str, Any]:
-    """Return the ``timing`` table; the real-time factor is simulated time over the wall time of the loop.
-
-    Args:
-        times: Wall times of the stages.
-        step_s: Simulated time of a step.
-        total_s: Wall time of the whole run.
-        stages_ms: Wall times inside the tracker by stage, where it tells them.
-    """
+    """Return the ``timing`` table; the real-time factor is simulated time over the wall time of the loop."""
     tracker_ms, sensor_ms, truth_ms = (
         1e3 * np.array(stage) for stage in (times.tracker_s, times.sensor_s, times.truth_s)
     )
@@ -62,8 +55,6 @@ class TrafficSums:
     """Sums for the ``traffic`` table over a run that is processed part by part.
 
     Attributes:
-        road: The lanes.
-        steps: Steps.
         in_range: Vehicle-steps within the sensor's range, without the ego.
         inside: Vehicle-steps on a lane of the section.
         speed_mps: Sum of their speeds.

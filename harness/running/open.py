@@ -63,10 +63,6 @@ Simulate = Callable[["Network", TrafficConfig, int, float], TruthSource]
 def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
     """Open the looks that the configuration describes.
 
-    Args:
-        config: The configuration.
-        simulate: Starts the traffic, where it is simulated.
-
     Raises:
         InputError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
     """

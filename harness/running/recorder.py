@@ -27,13 +27,7 @@ STRETCH_ROWS = 300_000
 
 @dataclass(frozen=True)
 class RunTables:
-    """The tables of a run.
-
-    Attributes:
-        truth: One row per vehicle and step.
-        detections: One row per detection; ``truth_id`` is empty for clutter.
-        tracks: One row per track and step.
-    """
+    """The tables of a run; ``truth_id`` of a detection is empty for clutter."""
 
     truth: pd.DataFrame
     detections: pd.DataFrame
@@ -47,10 +41,8 @@ class ColumnRecorder:
     A stretch is one or more whole episodes; what depends on nothing but its episode can be made of it alone.
 
     Attributes:
-        steps: How many steps are recorded.
         end_stretch: Called between two episodes when at least ``stretch_rows`` rows of truth are kept; it takes the
             ``tables`` and lets the recorder ``forget`` them. None keeps the whole run.
-        stretch_rows: See there.
     """
 
     steps: int = 0

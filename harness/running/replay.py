@@ -32,10 +32,6 @@ RECORDED = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD)
 def read_looks(folder: Path, config: RunConfig) -> Looks:
     """Read the truth and detections of a run folder.
 
-    Args:
-        folder: The run folder.
-        config: Its sensor is the one that made the recording.
-
     Raises:
         InputError: The folder is no finished run, or one of its files is missing, truncated or broken.
     """
@@ -78,11 +74,7 @@ def looks_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, settings
 
 
 def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
-    """Refuse a recording over which a tracker or a score would stumble later.
-
-    Raises:
-        ValueError: Truth is empty, lacks an ego, or holds what no vehicle or detection is.
-    """
+    """Refuse by a ``ValueError`` a recording over which a tracker or a score would stumble later."""
     if not len(truth):
         raise ValueError("the truth contains no vehicle")
     table = TABLES[runfolder.TRUTH]

@@ -28,9 +28,7 @@ def resolve_run_config(
     """Return the checked configuration of a run.
 
     Args:
-        config_file: TOML file of ``config``.
         options: The run's options by name (``net``, ``duration``, ...); None where not given.
-        settings: The ``KEY=VALUE`` words of ``settings``.
 
     Raises:
         InputError: A file can't be read, a key is unknown or a value is out of bounds; or a replay is asked for
@@ -110,11 +108,6 @@ def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def check_sensor_of_folder(sensor: SensorConfig, folder: Path, parameter: str) -> None:
     """Refuse a run's folder whose sensor would have to be imported.
-
-    Args:
-        sensor: The sensor as the folder's configuration has it.
-        folder: The folder, for the message.
-        parameter: Parameter that named it.
 
     Raises:
         InputError: The sensor is another package's, and its figures are not all there.

@@ -38,12 +38,7 @@ MOST_DRAWN = 300_000
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A run that ended.
-
-    Attributes:
-        folder: Where its files lie.
-        metrics: Content of its ``metrics.json``.
-    """
+    """The folder of a run that ended, and the content of its ``metrics.json``."""
 
     folder: Path
     metrics: dict[str, Any]
@@ -54,11 +49,7 @@ class Pictured:
     """What a run's figures show.
 
     Attributes:
-        title: What was run, in a few words.
-        road: The lanes.
-        sensor: The sensor's data sheet.
         errors: Rows of the error table, of a long run those of some steps.
-        metrics: The run's scores.
         moment: The moment that is seen from above.
         diagnostics: What the tracker told of each step; None of one that tells nothing.
     """
@@ -98,13 +89,8 @@ def run(
     """Simulate or replay, track, score, draw, and leave a run folder.
 
     Args:
-        config: What to run.
         out: Where the folder goes; by default a name in ``results/`` that tells the main settings.
         force: Whether an earlier run in ``out`` may be replaced.
-        command: What the user typed, for the manifest.
-        quiet: Whether to leave out the progress bar.
-        draw: Draws the run; nothing is drawn if None.
-        open_looks: Opens what the configuration asks to look at.
 
     Raises:
         InputError: The input is wrong or no window can be opened; nothing is left behind.

@@ -27,12 +27,7 @@ class UnseenOfTracks:
     """
 
     def __init__(self, road: Road, sensor: SensorModel) -> None:
-        """Begin.
-
-        Args:
-            road: The lanes, as trackers believe them to lie.
-            sensor: The sensor's data sheet, as trackers believe it.
-        """
+        """Begin with the lanes and the data sheet as trackers believe them."""
         self._traffic = UnseenTraffic(road, sensor)
 
     def after(self, scan: Scan, tracks: Tracks, tracker: AnyTracker) -> Unseen:
@@ -47,12 +42,7 @@ class UnseenKeeper:
     """Collects, scan by scan, where unseen vehicles are to be expected, by stretches of lane."""
 
     def __init__(self, road: Road, sensor: SensorModel) -> None:
-        """Begin.
-
-        Args:
-            road: The lanes, as trackers believe them to lie.
-            sensor: The sensor's data sheet, as trackers believe it.
-        """
+        """Begin with the lanes and the data sheet as trackers believe them."""
         self._road, self._sensor = road, sensor
         self._episode: int | None = None
         self._rows: list[pd.DataFrame] = []
@@ -78,10 +68,6 @@ class UnseenKeeper:
 
 def by_stretch(frame: Frame, unseen: Unseen) -> pd.DataFrame:
     """Return the stretches of lane that lie within range from end to end, as straight lines between their ends.
-
-    Args:
-        frame: The moment.
-        unseen: What is expected then in each piece of lane.
 
     Returns:
         The table ``unseen`` of ``harness.storage.schema``.

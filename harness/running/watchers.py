@@ -33,13 +33,7 @@ class ParticleFilter(Protocol):
 
 @dataclass(frozen=True)
 class Moment:
-    """One instant of a run.
-
-    Attributes:
-        look: The truth and what the sensor made of it.
-        tracks: The tracks after it.
-        particles: Longitudinal and lateral position of every particle, shape (2, n); None where a tracker has none.
-    """
+    """One instant of a run; ``particles`` are the places of all, shape (2, n), None where a tracker has none."""
 
     look: Look
     tracks: Tracks
@@ -48,11 +42,7 @@ class Moment:
 
 @dataclass
 class MomentKeeper:
-    """Keeps the moment with the most hidden tracks on the road on record, the first of equals.
-
-    Attributes:
-        moment: The best moment so far; None before the first step.
-    """
+    """Keeps the moment with the most hidden tracks on the road on record, the first of equals; None before a step."""
 
     moment: Moment | None = None
     _best: int = -1
@@ -83,11 +73,7 @@ class DiagnosedTracker(Protocol):
 
 @dataclass
 class DiagnosticsKeeper:
-    """Collects the reports of a run's steps.
-
-    Attributes:
-        stages_ms: Wall time of each of the tracker's stages, step by step.
-    """
+    """Collects the reports of a run's steps, and the wall time of each of the tracker's stages."""
 
     stages_ms: dict[str, MutableSequence[float]] = field(default_factory=dict)
     _rows: list[dict[str, float]] = field(default_factory=list)

@@ -26,9 +26,6 @@ class RunWriter:
     """Writes a run's tables stretch by stretch, and at its end what is to be said of it.
 
     Attributes:
-        folder: The folder.
-        seed: Root seed of the run.
-        command: What made it.
         inputs: SHA-256 of each input file.
         code: SHA-256 of the code that decides results.
         wall_s: Wall time of each phase so far.
@@ -65,12 +62,7 @@ class RunWriter:
         self._tables.close()
 
     def finish(self, metrics: Mapping[str, Any], steps: int) -> None:
-        """Write the metrics of a run whose tables are closed; the manifest comes last, so that half a folder is none.
-
-        Args:
-            metrics: Content of ``metrics.json``.
-            steps: Number of steps.
-        """
+        """Write the metrics of a run whose tables are closed; the manifest last, so that half a folder is none."""
         write_text(self.folder / runfolder.METRICS, as_json(dict(metrics)))
         self._write_manifest(runfolder.COMPLETE, None, steps, rows_of(self.folder))
 
@@ -79,9 +71,6 @@ class RunWriter:
 
         Args:
             status: What became of it, for the manifest.
-            problem: What ended it.
-            steps: How many steps are finished.
-            rest: The rows that are not written yet, by file.
 
         Raises:
             OSError: There is no room for the first stretch.

@@ -115,7 +115,7 @@ def lidar_real() -> SensorSettings:
     Detection by visible fraction and range, runs of misses, lives of false objects and errors of boxes are those of
     PointRCNN on ten sequences of KITTI tracking and of PointPillars on 32 of V2V4Real, which these networks were partly
     trained on; the tool of the fit exists at revision 108b5b1. How unlike vehicles are in plain view is fitted to what
-    PointRCNN found of each labelled one (``python -m harness.lab.fit.detectability_fit``); detection close by, 0.911
+    PointRCNN found of each labelled one (the fit exists at revision dc0231a); detection close by, 0.911
     on the average, is higher for most. That narrow vehicles are found less often is an assumption. How false objects
     move, how far boxes recede and how they are split and merged was not fitted: the first two are as in ``lidar``, and
     boxes stay whole.

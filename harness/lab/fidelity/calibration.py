@@ -32,13 +32,9 @@ class CalibrationRequest:
     Attributes:
         fields: Folder of the recorded fields; None to take the figures that travel with the network.
         recordings: Files and folders of recorded vehicles; none to take the figures that travel with the network.
-        demand: The only demand to be calibrated; None for all that were measured.
-        trials: Number of candidates to simulate.
         seeds: Seeds of the first candidate's runs; each further one takes the next as many.
-        duration_s: Simulated time of a run.
         keep_drivers: Whether only the demands are fitted; so it is for a single demand, too.
         fresh: Whether to begin with the measurements rather than with the calibration that is there.
-        workers: Runs at a time.
         first_step: Share of what is missing that is made up for after the first trial.
     """
 
@@ -72,14 +68,7 @@ class CalibrationRequest:
 
 @dataclass(frozen=True)
 class Trial:
-    """One candidate and what it led to.
-
-    Attributes:
-        candidate: The candidate.
-        simulated: Its figures by demand.
-        vehicles: What its vehicles did in all demands.
-        misfit: How far it is off; see ``harness.lab.fidelity.candidate.misfit``.
-    """
+    """One candidate, what it led to, and its ``misfit``, see ``harness.lab.fidelity.candidate.misfit``."""
 
     candidate: Candidate
     simulated: Mapping[str, PeriodStatistics]
@@ -92,8 +81,6 @@ class CalibrationResult:
     """What a calibration found.
 
     Attributes:
-        site: The measured figures.
-        trials: All trials in order.
         outcome: The mean of the later half of the candidates.
         measured_anew: Whether figures come from fields or recordings that the user gave.
     """
@@ -161,14 +148,6 @@ def search(
     Candidates circle about what fits on the mean of all seeds, and their average comes nearer to it than any of them
     (Polyak and Juditsky, Acceleration of stochastic approximation by averaging, 1992). The candidate that the last
     trial leads to is averaged with the others.
-
-    Args:
-        network: The network that is calibrated.
-        site: The measured figures.
-        first: The candidate to begin with.
-        request: How many trials of which runs.
-        on_trial: Called after each trial.
-        on_run: Called after each run.
     """
     candidates = [first]
     for number in range(request.trials):
@@ -192,11 +171,7 @@ def _simulate(
     request: CalibrationRequest,
     on_run: Callable[[], None],
 ) -> tuple[dict[str, PeriodStatistics], VehicleStatistics]:
-    """Make the runs of one trial, each demand's schedule compressed to their duration.
-
-    Returns:
-        The figures of each demand, and those of all vehicles.
-    """
+    """Return the figures of each demand and of all vehicles; schedules are compressed to the duration."""
     duration_s, jobs = request.duration_s, []
     for name in names:
         compressed = _compressed(network.demand_files[name], duration_s / site.periods[name].duration_s)

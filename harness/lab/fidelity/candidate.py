@@ -46,12 +46,7 @@ FIRST_ASSERTIVENESS = 1.0
 
 @dataclass(frozen=True)
 class Candidate:
-    """What is calibrated.
-
-    Attributes:
-        drivers: The network's drivers, the same in all periods.
-        demands: The periods' demands.
-    """
+    """What is calibrated: the network's drivers, the same in all periods, and the periods' demands."""
 
     drivers: Drivers
     demands: Mapping[str, DemandFile]
@@ -137,11 +132,7 @@ def improved(
     all periods and quarters is one.
 
     Args:
-        candidate: The candidate that was simulated.
-        simulated: Its figures.
-        site: The measured figures.
         step: Share of the way that is gone, above 0 and at most 1.
-        keep_drivers: Whether the drivers stay as they are.
     """
     demands = {
         name: _improved_demand(candidate.demands[name], entry, site.periods[name].statistics, candidate.drivers, step)

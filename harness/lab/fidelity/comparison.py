@@ -26,11 +26,8 @@ class FidelityRequest:
 
     Attributes:
         demands: Demands to be compared; none for all that were measured.
-        seeds: Seeds of each demand's runs.
-        duration_s: Simulated time of a run.
         fields: Folder of the recorded fields; None to take the figures that travel with the network.
         recordings: Files and folders of recorded vehicles.
-        workers: Runs at a time.
     """
 
     demands: tuple[str, ...]
@@ -50,11 +47,8 @@ class Period:
     """One period on both sides.
 
     Attributes:
-        demand: The demand that stands for it.
         simulated: Figures over all seeds.
-        measured: The measured figures.
         seeds: Figures of each seed.
-        targets: What has to be met.
         fields: One simulated run's fields, and the recorded ones if they are there.
     """
 
@@ -68,17 +62,7 @@ class Period:
 
 @dataclass(frozen=True)
 class Distance:
-    """How far apart two distributions are.
-
-    Attributes:
-        quantity: What is distributed.
-        unit: Its unit, the distance's too.
-        distance: Wasserstein distance; for a rate, the difference.
-        simulated_mean: Mean of the simulated samples.
-        measured_mean: Mean of the recorded ones.
-        simulated_n: Number of simulated samples.
-        measured_n: Number of recorded ones.
-    """
+    """How far apart two distributions are, by Wasserstein's distance; of a rate, the difference."""
 
     quantity: str
     unit: str
@@ -94,14 +78,11 @@ class Fidelity:
     """How real the traffic is.
 
     Attributes:
-        network: Name of the network.
         source: Where the measurements are published.
-        periods: The periods.
         distances: Distances of the distributions; none without recorded vehicles.
         lanes: What each main lane carries on both sides; none without recorded vehicles.
         samples: Simulated and recorded samples; None without recorded vehicles.
         left_out: What could not be compared, and why.
-        setting: Seeds and minutes, for the report.
     """
 
     network: str

@@ -19,17 +19,7 @@ INTERVAL = (0.025, 0.975)
 
 @dataclass(frozen=True)
 class LaneShare:
-    """One main lane on both sides.
-
-    Attributes:
-        lane: Its number, 1 the leftmost.
-        simulated_speed: Space-mean speed over that of all main lanes.
-        measured_speed: The recorded one.
-        measured_speed_interval: Its 95 % interval over recordings.
-        simulated_flow: Flow over the mean of all main lanes.
-        measured_flow: The recorded one.
-        measured_flow_interval: Its 95 % interval over recordings.
-    """
+    """One main lane, 1 the leftmost: speed and flow over the mean of all, with 95 % intervals over recordings."""
 
     lane: int
     simulated_speed: float

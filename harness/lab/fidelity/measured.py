@@ -46,12 +46,7 @@ class MeasuredPeriod(_Strict):
 
 
 class MeasuredVehicles(_Strict):
-    """What single vehicles of a site do.
-
-    Attributes:
-        source: Which recordings it is taken from.
-        figures: The figures.
-    """
+    """What single vehicles of a site do, and which recordings that is taken from."""
 
     source: str
     figures: VehicleStatistics
@@ -71,11 +66,7 @@ class MeasuredSite(_Strict):
     periods: dict[str, MeasuredPeriod]
 
     def period(self, demand: str) -> MeasuredPeriod:
-        """Return the period that a demand stands for.
-
-        Raises:
-            InputError: None was measured.
-        """
+        """Return the period that a demand stands for; an ``InputError`` where none was measured."""
         if demand not in self.periods:
             raise InputError(f"`demand` {demand}: nothing was measured for it; measured are: {', '.join(self.periods)}")
         return self.periods[demand]

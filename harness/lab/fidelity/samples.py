@@ -62,8 +62,6 @@ class Samples:
 
     Attributes:
         values: Samples by quantity, each of shape (n,).
-        lane_changes: Lane changes between lanes.
-        vehicle_km: Distance that all vehicles travelled.
         by_lane: Of each run or recording, the time that all vehicles spent on each main lane, lane 1 first, in s, and
             the distance that they travelled there, in m: shape (pieces, lanes, 2).
     """

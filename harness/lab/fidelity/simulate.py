@@ -20,12 +20,7 @@ from harness.truth.sumo.simulation import open_traffic
 
 @dataclass(frozen=True)
 class Run:
-    """What a simulated run leaves.
-
-    Attributes:
-        fields: Its fields.
-        samples: What its vehicles did.
-    """
+    """The fields of a simulated run, and samples of what its vehicles did."""
 
     fields: Fields
     samples: Samples
@@ -33,14 +28,7 @@ class Run:
 
 @dataclass(frozen=True)
 class RunJob:
-    """A run to be made, without an ego.
-
-    Attributes:
-        network: The network.
-        demand: Name of its demand.
-        duration_s: Simulated time.
-        seed: Seed of all randomness.
-    """
+    """A run to be made, without an ego."""
 
     network: Network
     demand: str

@@ -36,10 +36,8 @@ class PeriodStatistics:
 
     Attributes:
         mean_speed_mps: Distance travelled by all vehicles over the time they spent.
-        flow_veh_per_h: Flow.
         density_veh_per_km_lane: Density over the number of main lanes.
         quarter_speed_mps: Space-mean speed of each quarter of the road, upstream first.
-        quarter_flow_veh_per_h: Flow of each quarter.
         share_below_4mps: Share of the cells slower than 4 m/s.
         wave_mps: Speed at which changes of speed travel upstream; nan if none are seen.
     """
@@ -77,16 +75,7 @@ def period_statistics(pieces: Sequence[Fields], lanes: int = MAIN_LANES) -> Peri
 
 @dataclass(frozen=True)
 class Target:
-    """One figure that has to be met.
-
-    Attributes:
-        name: What is compared.
-        simulated: The simulated figure.
-        measured: The measured one.
-        error: By how much the simulated one is off, in the tolerance's unit.
-        tolerance: By how much it may be off.
-        unit: ``%`` of the measured figure, or percentage ``points``.
-    """
+    """One figure that has to be met; the error is in the tolerance's unit, ``%`` or percentage ``points``."""
 
     name: str
     simulated: float
@@ -135,8 +124,6 @@ def wave_speed(speeds: Sequence[FloatArray], cell_m: float, bin_s: float) -> flo
 
     Args:
         speeds: Speed fields, each (cells, bins).
-        cell_m: Length of a cell.
-        bin_s: Duration of a bin.
 
     Returns:
         Speed, positive upstream; nan where no lag stands out or the changes do not travel.

@@ -34,10 +34,6 @@ def write_card(
     """Write a model card and, beside it, the picture of its BIC curve.
 
     Args:
-        path: The card's file, ``.md``.
-        title: Name of the model.
-        facts: Named facts: data, seeds, components, log-likelihood.
-        sizes: Scores of the sizes that were tried.
         regimes: Closed-loop errors by regime; may be empty.
         limits: Known limits, one sentence each.
     """
@@ -85,13 +81,7 @@ CASES, PARTICLES = 150, 100
 
 @dataclass(frozen=True)
 class RegimeError:
-    """Position errors of one traffic regime under complete occlusion.
-
-    Attributes:
-        regime: Name of the regime.
-        cases: Number of windows.
-        lon_m: Mean absolute error at 1, 2, 5 and 10 s.
-    """
+    """Position errors of one traffic regime, complete occlusion: mean absolute ones at 1, 2, 5 and 10 s."""
 
     regime: str
     cases: int

@@ -40,12 +40,7 @@ def fit_driver(
     """Fit the learned driver; its follower is returned beside it.
 
     Args:
-        windows: Training windows with and without leaders.
         changes_per_s: How often drivers change lanes to one side.
-        components: Components of the following mixture.
-        seed: Seed of sampling and of the fits.
-        step_s: Time between steps.
-        progress: Told one line per stage.
     """
     follower = fit_follower(windows, components, seed, step_s, progress)
     free = _fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s)
@@ -58,13 +53,6 @@ def fit_follower(
     """Fit the learned driver's following mixture and its drivers' habits.
 
     The mixture is fitted to recovery samples, then once more with what it demonstrated itself.
-
-    Args:
-        windows: Training windows; those without a leader are left out.
-        components: Components of the following mixture.
-        seed: Seed of sampling and of the fits.
-        step_s: Time between steps.
-        progress: Told one line per stage.
     """
     rng = np.random.default_rng(seed)
     led = windows.take(np.flatnonzero(windows.has_leader))

@@ -50,13 +50,7 @@ Adaptive = tuple[IdmParameters, Adaptation]
 
 
 def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
-    """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length.
-
-    Args:
-        windows: Training windows; those without a leader are left out.
-        seed: Seed of the choice of windows and of the search.
-        step_s: Time between steps.
-    """
+    """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length."""
     found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
     return _driver(found)
 
@@ -90,8 +84,6 @@ def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptiv
 
     Args:
         traffic: Lane keeping and lane changes of the tuning seeds, each as often as it happens.
-        fitted: Parameters of ``idm-fitted``.
-        adaptive: Parameters of ``idm-adaptive``.
     """
     fitted_driver, adaptation = adaptive
     rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (

@@ -68,13 +68,8 @@ class TrainingPlan:
 
     Attributes:
         case: One of ``CASES``.
-        components: Components of the mixture; none for the paper's number.
         first_seed: First seed of the training traffic.
-        seeds: Number of its seeds, each of which drives every density.
-        seed: Seed of sampling and fits.
         sweep: Whether other numbers of components are scored by BIC.
-        cache: Folder of the recordings; none for the usual one.
-        out: Folder for the model files and cards.
     """
 
     case: str
@@ -94,14 +89,6 @@ class TrainingPlan:
 
 def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     """Record what is not recorded yet, fit, score on held-out seeds, and write model files and cards.
-
-    Args:
-        plan: What to do.
-        network: Where the traffic runs.
-        say: Told one line per stage.
-
-    Returns:
-        The model files.
 
     Raises:
         InputError: An unknown case, or too little traffic.

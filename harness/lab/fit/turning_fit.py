@@ -45,12 +45,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class DrivenMap:
-    """Traffic on one map.
-
-    Attributes:
-        graph: The lanes.
-        moments: Vehicles on them, those whom no leader holds.
-    """
+    """The lanes of one map, and moments of the vehicles on them whom no leader holds."""
 
     graph: LaneGraph
     moments: OnMap
@@ -61,10 +56,6 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
 
     Args:
         networks: Networks in the plane; each is recorded with every seed at each of its named demands.
-        seeds: Seeds of the traffic.
-        cache: Folder of the recordings; None for the usual ones.
-        out: Folder of the file and the card.
-        say: Told one line per stage.
 
     Raises:
         InputError: A network has one main road in place of a map, or there is too little traffic.
@@ -96,9 +87,6 @@ def _recorded(network: Network, seeds: range, cache: Path | None, say: Say) -> D
 
 def fit_turning(maps: list[DrivenMap]) -> TurningDriver:
     """Fit how drivers drive by the map.
-
-    Args:
-        maps: Traffic on maps with turns, slower lanes, and lines where some give way.
 
     Raises:
         InputError: Too few drivers did one of these things.

@@ -55,8 +55,6 @@ class Rollouts:
         accel_mps2: Their accelerations, shape (b * p,).
         led: Whether their leaders are known, shape (b * p,).
         leader_m: The leaders' rear ends ahead of the followers' fronts at the start, shape (steps, b * p).
-        leader_speed_mps: Their speeds, likewise.
-        leader_accel_mps2: Their accelerations, likewise.
         noise: Normal numbers, shape (steps, rows of noise, b * p).
         true_m: How far the followers really came, shape (steps, b).
         true_speed_mps: Their true speeds, shape (steps, b).
@@ -74,14 +72,7 @@ class Rollouts:
 
 
 def fit_residual(windows: Following, seed: int, say: Callable[[str], None], iterations: int | None = None) -> Network:
-    """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015).
-
-    Args:
-        windows: Windows of 10 s with and without leaders.
-        seed: Seed of the first weights, the choice of windows and the noise.
-        say: Told the score now and then.
-        iterations: Steps of the search; none for ``ITERATIONS``.
-    """
+    """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015)."""
     iterations, rng = iterations or ITERATIONS, np.random.default_rng(seed)
     scaling = _scaling(windows.take(np.flatnonzero(windows.has_leader)))
     weights = first_weights(rng, HIDDEN_UNITS)
@@ -172,8 +163,6 @@ def score_and_gradient(weights: Weights, scaling: Network, rollouts: Rollouts) -
 
     Args:
         weights: The network's weights by name, the lag as its logit.
-        scaling: A network of which the scaling is taken.
-        rollouts: What is rolled out.
     """
     place, speed, tape = _roll(weights, scaling, rollouts)
     steps = SCORED_STEPS[len(place) > SCORED_STEPS]
@@ -195,7 +184,6 @@ def crps_and_slope(particles: Array, true: Array) -> tuple[FloatArray, FloatArra
 
     Args:
         particles: p of each case side by side, shape (k, b * p).
-        true: What came true, shape (k, b).
 
     Returns:
         The score, shape (k, 1), and its slope with respect to each particle, shape (k, b * p).

@@ -35,15 +35,11 @@ class StudyPlan:
     """The plan of a study.
 
     Attributes:
-        study: ``lane-keeping`` or ``lane-change``.
         models: Names of the models; none for the study's own choice.
         model_file: The user's own fitted model in place of the committed ``gmm``.
-        cases: Number of cases.
-        particles: Particles per case.
         seed: Seed of the choice of cases, the measurements and the particles.
         first_traffic_seed: First seed of the recorded traffic.
         traffic_seeds: Number of seeds, each of which drives every density.
-        cache: Folder of the recordings; none for the usual one.
     """
 
     study: str
@@ -85,15 +81,6 @@ def make_study(
     plan: StudyPlan, network: Network, say: Callable[[str], None], progress: Callable[[], None]
 ) -> tuple[StudyResult, dict[str, Any]]:
     """Record the traffic where needed and run the study.
-
-    Args:
-        plan: What to do.
-        network: Where the traffic runs.
-        say: Told one line per recording.
-        progress: Called after each model and occlusion.
-
-    Returns:
-        Numbers and the setting.
 
     Raises:
         InputError: An unknown study or model.

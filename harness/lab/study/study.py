@@ -25,12 +25,9 @@ class StudyResult:
     """All of a study's numbers.
 
     Attributes:
-        study: Name of the study.
-        scores: By occlusion and model.
         examples: Particles of the example case, by occlusion and model: longitudinal and lateral position and
             speeds, shape (steps - 1, 4, shown).
         example_truth: True states of the example case, shape (steps, 6).
-        step_s: Time between steps.
         rows: What ``results.json`` holds under ``results``.
     """
 
@@ -62,12 +59,7 @@ def run_study(
     """Follow every case with every model under every occlusion; all models get the same measurements.
 
     Args:
-        study: Name of the study.
-        cases: The cases.
         models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
-        particles: Particles per case.
-        seed: Seed of measurements and particles.
-        progress: Called after each model and occlusion.
     """
     noise = MeasurementNoise()
     measurements = measure(cases, noise, np.random.default_rng([seed, 1]))
@@ -100,9 +92,7 @@ def score_row(
     """Return the numbers of one horizon, or of the mean over several steps.
 
     Args:
-        scores: Errors, coverage and sharpness.
         steps: Which steps, counted from the first one after the start.
-        horizon_s: What is written for the horizon.
         vehicle: Vehicle of each case where several are of one, shape (m,).
     """
     rng = np.random.default_rng(0)

@@ -65,15 +65,11 @@ class TransferPlan:
     """The plan of the transfer study.
 
     Attributes:
-        real_data: Folder of real recordings.
         cases: Most simulated cases; of real windows all are taken.
-        particles: Particles per case.
-        seed: Seed of the split of the pairs, the fits and the particles.
         first_traffic_seed: First seed of the simulated test traffic.
         traffic_seeds: Number of its seeds, each of which drives every density.
         training_seeds: The same of the simulated training traffic for the models trained on both.
         most_windows: Most windows of either kind that those are trained on.
-        cache: Folder of the recordings; none for the usual one.
     """
 
     real_data: Path
@@ -116,12 +112,6 @@ class TransferResult:
 
 def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress: Callable[[], None]) -> TransferResult:
     """Record, read, fit, predict and compare.
-
-    Args:
-        plan: What to do.
-        network: Where the simulated traffic runs.
-        say: Told one line a stage.
-        progress: Called after each model and test.
 
     Raises:
         InputError: Real recordings are missing or broken.

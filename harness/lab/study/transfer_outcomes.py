@@ -38,8 +38,6 @@ class HeldOut:
     """Cases of one length that no model was trained on.
 
     Attributes:
-        tested_on: What traffic it is.
-        cases: The cases.
         vehicle: Vehicle of each case, shape (m,); cases of one vehicle are no independent samples.
         horizons_s: What is reported from these cases.
     """

@@ -83,9 +83,6 @@ class Recording:
 
     Attributes:
         density: Vehicles per km and lane.
-        seed: Root seed.
-        duration_s: Length.
-        sensor: Name of the sensor profile.
         broken_down: Vehicles that stand broken down in the main lanes.
         hard_share: Share of vehicles that are hard to detect, see ``HARD_TO_DETECT``.
     """
@@ -166,8 +163,6 @@ def search(
     """Search for the best setting; return Optuna's study, whose trials hold ``options`` and ``scores``.
 
     Args:
-        starts: The settings that are tried first.
-        space: The values of each setting.
         follow_batch: Follows one batch of recordings with given options, and returns the scores on each.
         batches: How many batches there are.
         budget: Number of trials, those that are stopped among them.

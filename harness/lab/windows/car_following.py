@@ -28,14 +28,9 @@ class Following:
     Attributes:
         lon_m: Longitudinal position of the vehicle's centre.
         offset_m: Lateral position from the middle of its lane.
-        speed_mps: Longitudinal speed.
-        lat_speed_mps: Lateral speed.
-        accel_mps2: Longitudinal acceleration.
         length_m: Vehicle length, shape (windows,).
         lane_width_m: Width of its lane, shape (windows,).
         leader_lon_m: Longitudinal position of the leader's centre; nan without a leader.
-        leader_speed_mps: The leader's speed; nan without a leader.
-        leader_accel_mps2: The leader's acceleration; nan without a leader.
         leader_length_m: The leader's length, shape (windows,); nan without a leader.
         vehicle: A number that windows of the same vehicle share, shape (windows,).
         after_cut_in: Whether the window begins with a new leader, nearer than the last, shape (windows,).
@@ -85,12 +80,6 @@ def following_windows(recording: Recording, road: Road, steps: int, step_s: floa
 
     A window's vehicle changes no lane within the window nor in the five seconds before and after it; a leader further
     than 100 m ahead counts as none, and windows in which one comes or goes are left out.
-
-    Args:
-        recording: Recorded traffic.
-        road: Where the lanes are.
-        steps: Length of a window in steps.
-        step_s: Time between steps.
     """
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     leader = _leader_rows(recording)[by_vehicle]

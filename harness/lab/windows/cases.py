@@ -27,7 +27,6 @@ class Cases:
         truth: States as in ``mmpf.motion.state``, shape (steps, 6, m).
         surroundings: Given particle states of shape (6, m * p), a step and whether the vehicles count as unseen,
             returns what the particles know. It takes traffic from truth: the studies test the models alone.
-        step_s: Time between steps.
     """
 
     truth: FloatArray
@@ -48,15 +47,7 @@ class Cases:
 def following_cases(
     windows: Following, count: int, step_s: float, rng: np.random.Generator, led_only: bool = True
 ) -> Cases:
-    """Choose windows, at most one of each vehicle, for the lane-keeping study.
-
-    Args:
-        windows: Held-out windows.
-        count: How many to choose; fewer if there are fewer.
-        step_s: Time between steps.
-        rng: Source of randomness.
-        led_only: Whether windows without a leader are left out.
-    """
+    """Choose windows, at most one of each vehicle, for the lane-keeping study."""
     order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
     _, first = np.unique(windows.vehicle[order], return_index=True)
     return cases_of(windows.take(order[np.sort(first)[:count]]), step_s)
@@ -69,14 +60,7 @@ def cases_of(windows: Following, step_s: float) -> Cases:
 
 
 def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.random.Generator) -> Cases:
-    """Choose windows around lane changes; lateral positions count from the original lane, positive to the target lane.
-
-    Args:
-        changes: Held-out windows.
-        count: How many to choose; fewer if there are fewer.
-        step_s: Time between steps.
-        rng: Source of randomness.
-    """
+    """Choose windows around lane changes; lateral positions count from the original lane, positive to the target."""
     chosen = changes.take(np.sort(rng.permutation(len(changes))[:count]))
     return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen), step_s)
 

@@ -26,9 +26,6 @@ class LaneChanges:
         state: States as in ``mmpf.motion.state``, shape (6, windows, steps).
         length_m: Vehicle length, shape (windows,).
         lane_width_m: Mean width of original and target lane, shape (windows,).
-        leader: Leader in the original lane.
-        follower: Follower in the target lane.
-        target_leader: Leader in the target lane.
     """
 
     state: FloatArray
@@ -47,13 +44,7 @@ class LaneChanges:
 
 
 def lane_change_windows(recording: Recording, road: Road, step_s: float) -> LaneChanges:
-    """Cut out every change between two neighbouring main lanes that is the only one within five seconds around it.
-
-    Args:
-        recording: Recorded traffic.
-        road: Where the lanes are.
-        step_s: Time between steps.
-    """
+    """Cut out every change between two neighbouring main lanes that is the only one within five seconds around it."""
     half = round(HALF_WINDOW_S / step_s)
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     rows = by_vehicle[_single_changes(recording, by_vehicle, half)[:, None] + np.arange(-half, half + 1)]
@@ -82,12 +73,7 @@ def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
 
 
 def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
-    """Return how often a driver on a lane of the road changes to the one side, and as often to the other, per second.
-
-    Args:
-        recordings: Recorded traffic.
-        step_s: Time between steps.
-    """
+    """Return how often a driver on a lane of the road changes to the one side, and as often to the other, a second."""
     changes, steps = 0, 0
     for recording in recordings:
         by_vehicle = np.lexsort((recording.step, recording.vehicle))

@@ -22,13 +22,7 @@ RESAMPLING = JointResampling()
 
 @dataclass(frozen=True)
 class MeasurementNoise:
-    """Standard deviations of the measurements under partial occlusion; about ten times a lidar's in plain view.
-
-    Attributes:
-        lon_m: Longitudinal position.
-        lat_m: Lateral position.
-        speed_mps: Longitudinal speed.
-    """
+    """Standard deviations of the measurements under partial occlusion; about ten times a lidar's in plain view."""
 
     lon_m: float = 2.0
     lat_m: float = 0.6
@@ -44,7 +38,6 @@ class Cloud:
     """Particles of all cases after one step.
 
     Attributes:
-        step: The step's number.
         state: States, shape (6, m, p).
         weight: Weights that sum to one in each case, shape (m, p).
     """
@@ -71,12 +64,7 @@ def follow(
     """Yield the particles after every step, starting from the true initial state.
 
     Args:
-        model: Predicts.
-        cases: What to follow.
-        particles: Particles per case.
-        rng: Source of randomness.
         measurements: As from ``measure``; None for complete occlusion, in which nothing is measured after the start.
-        noise: Noise of the measurements.
     """
     state = np.repeat(cases.truth[0], particles, axis=1)
     belief = _belief(state, model.draw_latents(state, rng), np.zeros(state.shape[1]), cases.count)

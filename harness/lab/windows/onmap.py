@@ -20,12 +20,8 @@ class OnMap:
 
     Attributes:
         driver: Number of the vehicle.
-        lane: Lane of the graph.
         following: The lane that it took next, ``NOWHERE`` if none is on record.
-        along_m: Arc length along its lane.
         to_end_m: What is left of it.
-        speed_mps: Speed.
-        accel_mps2: Acceleration.
         leaves_at_mps: Its speed at its last moment on this lane.
         free: Whether no leader holds it, on its lane or on the two that it took next.
     """
@@ -49,12 +45,7 @@ class OnMap:
 
 
 def on_map(recording: Recording, graph: LaneGraph) -> OnMap:
-    """Lay recorded traffic onto the lanes of the map that it was recorded on.
-
-    Args:
-        recording: Traffic whose positions are x and y, and whose lanes are numbered from 1 as in the graph.
-        graph: The lanes.
-    """
+    """Lay recorded traffic onto the lanes of the map that it was recorded on."""
     order = np.lexsort((recording.step, recording.vehicle))
     order = order[recording.lane[order] > 0]
     lane, vehicle, step = recording.lane[order] - 1, recording.vehicle[order], recording.step[order]

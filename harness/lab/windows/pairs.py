@@ -48,8 +48,6 @@ def pair_windows(path: Path, steps: int, step_s: float) -> Following:
 
     Args:
         path: Parquet file in NGSIM's columns, one row for each pair and tenth of a second, metres.
-        steps: Length of a window in steps.
-        step_s: Time between steps.
 
     Raises:
         InputError: The file is missing, broken, or lacks a column.

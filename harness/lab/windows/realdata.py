@@ -16,9 +16,6 @@ SNIPPETS = ("commonroad/*.xml", "ngsim/*.csv")
 def real_data_folder(given: Path | None = None) -> Path:
     """Return the folder of real recordings.
 
-    Args:
-        given: What the user said; None for the environment variable ``MMPF_REALDATA``.
-
     Raises:
         InputError: Neither is given, or there is no such folder.
     """
@@ -30,11 +27,7 @@ def real_data_folder(given: Path | None = None) -> Path:
 
 
 def pairs_file(folder: Path) -> Path:
-    """Return the file of leader-follower pairs.
-
-    Raises:
-        InputError: It is not there.
-    """
+    """Return the file of leader-follower pairs; an ``InputError`` where it is not there."""
     path = folder / PAIRS
     if not path.is_file():
         raise InputError(f"`{PARAMETER}`: {folder} has no {PAIRS}; name another folder")
@@ -42,11 +35,7 @@ def pairs_file(folder: Path) -> Path:
 
 
 def snippet_files(folder: Path) -> list[Path]:
-    """Return the files of recorded traffic, sorted by name within each layout.
-
-    Raises:
-        InputError: There is none.
-    """
+    """Return the files of recorded traffic, by name within each layout; an ``InputError`` where there is none."""
     found = [path for pattern in SNIPPETS for path in sorted(folder.glob(pattern))]
     if not found:
         raise InputError(

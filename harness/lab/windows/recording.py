@@ -16,13 +16,7 @@ from mmpf.numerics.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Scenario:
-    """One stretch of simulated traffic.
-
-    Attributes:
-        density_veh_per_km_lane: Demanded density.
-        seed: Seed of the simulation.
-        duration_s: Length of the recording.
-    """
+    """One stretch of simulated traffic at a demanded density."""
 
     density_veh_per_km_lane: float
     seed: int
@@ -39,15 +33,11 @@ class Recording:
     """All vehicles at all steps of one scenario, one row each, arrays of shape (rows,), sorted by step.
 
     Attributes:
-        step: Number of the frame.
         vehicle: Number of the vehicle, the same in all its rows.
         lane: Lane number; 0 off the road.
         lon_m: Longitudinal position of the centre.
         lat_m: Lateral position of the centre.
-        speed_mps: Longitudinal speed.
-        lat_speed_mps: Lateral speed.
         accel_mps2: Longitudinal acceleration over the step that led to this frame.
-        length_m: Vehicle length.
     """
 
     step: IntArray
@@ -70,17 +60,7 @@ def record_all(
     open_scenario: Callable[[Scenario], TruthSource],
     progress: Callable[[str], None],
 ) -> list[Path]:
-    """Record every scenario that has no file yet; an interrupted run can be resumed.
-
-    Args:
-        scenarios: What to record.
-        folder: Where the files lie; made if missing.
-        open_scenario: Opens a scenario's traffic.
-        progress: Told one line per recording.
-
-    Returns:
-        The files, in the scenarios' order.
-    """
+    """Record every scenario that has no file yet; an interrupted run can be resumed."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / scenario.file_name for scenario in scenarios]
     for number, (scenario, path) in enumerate(zip(scenarios, paths, strict=True), start=1):

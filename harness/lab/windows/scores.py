@@ -27,7 +27,6 @@ class Scores:
     Attributes:
         abs_error: Absolute error of the particles' mean by quantity, each of shape (steps - 1, m).
         covered: Whether the 95 % particle interval holds the truth, by quantity, each of shape (steps - 1, m).
-        spread: Standard deviation of the particles by quantity, each of shape (steps - 1, m).
         crps_m: Continuous ranked probability score of the longitudinal position, shape (steps - 1, m).
     """
 
@@ -63,7 +62,6 @@ def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> F
     Args:
         values: Samples, shape (m, p).
         weight: Weights that sum to one in each row, shape (m, p).
-        true: What came true, shape (m,).
     """
     order = np.argsort(values, axis=1)
     values, weight = np.take_along_axis(values, order, axis=1), np.take_along_axis(weight, order, axis=1)
@@ -78,8 +76,6 @@ def mean_with_interval(
     """Return the mean over cases and its 95 % bootstrap interval.
 
     Args:
-        values: One for each case, shape (m,).
-        rng: Source of the resamples.
         vehicle: Vehicle of each case, shape (m,), where several cases are of one: whole vehicles are resampled then.
     """
     if vehicle is None:
