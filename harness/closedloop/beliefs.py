@@ -49,9 +49,11 @@ class TrackedPerception:
     The same bodies as ``harness.scoring.driving.believed`` makes of a finished run's tables, a step at a time.
 
     Attributes:
+        road: The road that they are on.
         settings: Gate and existence.
     """
 
+    road: Road
     settings: ScoringSettings = field(default_factory=ScoringSettings)
     _places: dict[int, list[tuple[float, float, float]]] = field(default_factory=dict)
     _measured: dict[int, FloatArray] = field(default_factory=lambda: defaultdict(lambda: np.zeros(3)))
@@ -75,9 +77,7 @@ class TrackedPerception:
         )
 
     def _directions(self, look: Look, tracks: Tracks, reported: IntArray) -> FloatArray:
-        """Return each track's direction of motion over the last half second; nan where it hardly moved, shape (k,)."""
-        if look.frame.direction_rad is None:
-            return np.zeros(len(reported))
+        """Return the axis of each track that moves as in the last half second, nan where it hardly did, shape (k,)."""
         now_s, places = look.frame.time_s, {}
         for row in reported:
             name = int(tracks.track_id[row])
@@ -86,7 +86,7 @@ class TrackedPerception:
         self._places = places
         moved = np.array([np.subtract(places[n][-1], places[n][0])[1:] for n in tracks.track_id[reported].tolist()])
         lon_m, lat_m = moved.reshape(-1, 2).T
-        return np.where(np.hypot(lon_m, lat_m) >= HEADING_M, np.arctan2(lat_m, lon_m), np.nan)
+        return self.road.axis_of(np.where(np.hypot(lon_m, lat_m) >= HEADING_M, np.arctan2(lat_m, lon_m), np.nan))
 
     def _measure(self, tracks: Tracks, reported: IntArray, found: Detections) -> None:
         """Add what the detection nearest to each reported track measures of its size."""
@@ -120,11 +120,13 @@ class HumanPerception:
     out.
 
     Attributes:
+        road: The road, along which gaps are perceived, or straight to the other where it has no direction.
         rng: Its own stream.
         step_s: Time between looks.
         awareness: SUMO's measure of attention, in (0, 1]; there is no error at 1.
     """
 
+    road: Road
     rng: np.random.Generator
     step_s: float
     awareness: float = 0.5
@@ -139,16 +141,12 @@ class HumanPerception:
         seen = ~np.isin(look.observation.state, (HIDDEN, OUT))
         bodies = true_bodies(frame, seen)
         away, across = bodies.lon_m - frame.lon_m[frame.ego], bodies.lat_m - frame.lat_m[frame.ego]
-        in_plane = frame.direction_rad is not None
-        far = np.hypot(away, across) if in_plane else np.abs(away)
-        gap = np.maximum(far - 0.5 * (bodies.length_m + frame.length_m[frame.ego]), 0.0)
-        shift = 0.75 * self._error * gap
-        speed_mps = bodies.speed_mps + 0.15 * self._error * gap
-        if not in_plane:
-            return replace(bodies, lon_m=bodies.lon_m + np.sign(away) * shift, speed_mps=speed_mps)
-        share = shift / np.maximum(far, 1e-9)
-        lon_m, lat_m = bodies.lon_m + share * away, bodies.lat_m + share * across
-        return replace(bodies, lon_m=lon_m, lat_m=lat_m, speed_mps=speed_mps)
+        line_rad = self.road.axis_of(np.arctan2(across, away))
+        far = away * np.cos(line_rad) + across * np.sin(line_rad)
+        gap = np.maximum(np.abs(far) - 0.5 * (bodies.length_m + frame.length_m[frame.ego]), 0.0)
+        shift = np.sign(far) * (0.75 * self._error * gap)
+        lon_m, lat_m = bodies.lon_m + shift * np.cos(line_rad), bodies.lat_m + shift * np.sin(line_rad)
+        return replace(bodies, lon_m=lon_m, lat_m=lat_m, speed_mps=bodies.speed_mps + 0.15 * self._error * gap)
 
 
 def true_bodies(frame: Frame, chosen: BoolArray | None = None) -> Bodies:
@@ -160,7 +158,7 @@ def true_bodies(frame: Frame, chosen: BoolArray | None = None) -> Bodies:
         lon_m=frame.lon_m[kept],
         lat_m=frame.lat_m[kept],
         speed_mps=frame.speed_mps[kept],
-        direction_rad=np.zeros(len(kept)) if frame.direction_rad is None else frame.direction_rad[kept],
+        direction_rad=frame.axis_rad[kept],
         length_m=frame.length_m[kept],
         width_m=frame.width_m[kept],
     )

@@ -56,6 +56,7 @@ from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import AnyTracker
 from harness.truth.frame import Frame
 from harness.truth.sumo.session import sumo_errors_in_words
+from mmpf.map.road import Road
 from mmpf.tracks import Tracks
 from mmpf.undetected.intensity import Unseen
 
@@ -100,16 +101,16 @@ def run_episode(traffic: Traffic, at: EpisodeStart, planned: PlannedDrive) -> Ep
     sensor = build_sensor(figures)
     if planned.detected is not None:
         sensor = SeldomDetected(sensor, at.provoked, planned.detected, figures)
+    road = traffic.network.road
     loop = _Loop(
         traffic=traffic,
         at=at,
         planned=planned,
         driver=driver_of(config.decisions.driver),
-        perception=_perception(planned.variant, np.random.default_rng(_child(stream, HUMAN)), traffic.step_s),
+        perception=_perception(planned.variant, road, np.random.default_rng(_child(stream, HUMAN)), traffic.step_s),
         sensor=sensor,
         noise=_child(stream, SENSOR),
     )
-    road = traffic.network.road
     if road.graph is not None:
         loop.passage = Passage.over(road.graph, at.route, traffic.step_s, planned.heed_unseen)
     looks = Looks(
@@ -143,10 +144,10 @@ def run_episode(traffic: Traffic, at: EpisodeStart, planned: PlannedDrive) -> Ep
     return EpisodeResult(table, evaluated.tables, evaluated)
 
 
-def _perception(belief: str, rng: np.random.Generator, step_s: float) -> Perception:
+def _perception(belief: str, road: Road, rng: np.random.Generator, step_s: float) -> Perception:
     if belief == TRUTH:
         return TruePerception()
-    return HumanPerception(rng, step_s) if belief == DRIVERSTATE else TrackedPerception()
+    return HumanPerception(road, rng, step_s) if belief == DRIVERSTATE else TrackedPerception(road)
 
 
 @dataclass

@@ -10,7 +10,7 @@ from harness.scoring.metrics.closedloop import Contact
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import stand
 from harness.truth.sumo.session import Sumo
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray
 
 NO_CHECKS, ALL_CHECKS = 0, 31
 """SUMO's speed modes: drive what is demanded, whatever comes of it; and its default."""
@@ -86,11 +86,9 @@ class Steering:
             return None
         ego = frame.ego
         lon_m, lat_m = frame.lon_m - frame.lon_m[ego], frame.lat_m - frame.lat_m[ego]
-        ahead_m, impact_mps = lon_m, np.abs(frame.speed_mps[ego] - frame.speed_mps)
-        if frame.direction_rad is not None:
-            ways = np.stack([np.cos(frame.direction_rad), np.sin(frame.direction_rad)])
-            ahead_m = lon_m * ways[0, ego] + lat_m * ways[1, ego]
-            impact_mps = np.hypot(*(ways * frame.speed_mps - (ways * frame.speed_mps)[:, [ego]]))
+        ways = np.stack([np.cos(frame.axis_rad), np.sin(frame.axis_rad)])
+        ahead_m = lon_m * ways[0, ego] + lat_m * ways[1, ego]
+        impact_mps = np.hypot(*(ways * frame.speed_mps - (ways * frame.speed_mps)[:, [ego]]))
         other = int(np.abs(np.where(touched, ahead_m, np.inf)).argmin())
         return Contact(
             vehicle_id=str(frame.vehicle_id[other]),
@@ -101,35 +99,23 @@ class Steering:
 
 
 def overlaps(frame: Frame) -> BoolArray:
-    """Return whose body overlaps the ego's, shape (n,); never the ego's own.
+    """Return whose rectangle overlaps the ego's, shape (n,); never the ego's own.
 
-    On a main road bodies are taken to lie along it, in the plane they lie as they head.
+    Two rectangles overlap if no side of either has them apart. On a main road bodies are taken to lie along it.
     """
-    if frame.direction_rad is not None:
-        return _overlaps_in_plane(frame, frame.direction_rad)
-    ego = frame.ego
-    along = np.abs(frame.lon_m - frame.lon_m[ego]) < 0.5 * (frame.length_m + frame.length_m[ego])
-    across = np.abs(frame.lat_m - frame.lat_m[ego]) < 0.5 * (frame.width_m + frame.width_m[ego])
-    touched = np.asarray(along & across)
-    touched[ego] = False
-    return touched
-
-
-def _overlaps_in_plane(frame: Frame, direction_rad: FloatArray) -> BoolArray:
-    """Return whose rectangle overlaps the ego's: no side of either has the two apart, shape (n,)."""
-    ego = frame.ego
+    ego, axis_rad = frame.ego, frame.axis_rad
     lon_m, lat_m = frame.lon_m - frame.lon_m[ego], frame.lat_m - frame.lat_m[ego]
-    touched = np.ones(len(frame), dtype=bool)
-    for across in (0.0, 0.5 * np.pi):
-        for axis_rad in (direction_rad, np.full(len(frame), direction_rad[ego])):
-            off_m = np.abs(lon_m * np.cos(axis_rad + across) + lat_m * np.sin(axis_rad + across))
-            reach_m = np.zeros(len(frame))
-            for heading_rad, length_m, width_m in (
-                (direction_rad, frame.length_m, frame.width_m),
-                (direction_rad[ego], frame.length_m[ego], frame.width_m[ego]),
-            ):
-                turn = axis_rad + across - heading_rad
-                reach_m += 0.5 * (length_m * np.abs(np.cos(turn)) + width_m * np.abs(np.sin(turn)))
-            touched &= off_m < reach_m
+    touched = np.ones(len(frame), dtype=np.bool_)
+    for side_rad in (axis_rad, np.full(len(frame), axis_rad[ego])):
+        cosine, sine = np.cos(side_rad), np.sin(side_rad)
+        reach_m = np.zeros((2, len(frame)))
+        for heading_rad, length_m, width_m in (
+            (axis_rad, frame.length_m, frame.width_m),
+            (axis_rad[ego], frame.length_m[ego], frame.width_m[ego]),
+        ):
+            along, across = np.abs(np.cos(side_rad - heading_rad)), np.abs(np.sin(side_rad - heading_rad))
+            reach_m += 0.5 * np.stack([length_m * along + width_m * across, length_m * across + width_m * along])
+        off_m = np.abs(np.stack([lon_m * cosine + lat_m * sine, lat_m * cosine - lon_m * sine]))
+        touched &= (off_m < reach_m).all(axis=0)
     touched[ego] = False
     return touched

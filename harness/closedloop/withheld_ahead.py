@@ -42,6 +42,6 @@ class PlainSight:
         since_s = self._since_s.get(str(frame.vehicle_id[row]), np.inf)
         if frame.time_s - since_s < self.settings.plain_view_s - TIME_TOLERANCE_S:
             return False
-        direction = np.full(len(told), 0.0 if frame.direction_rad is None else frame.direction_rad[row])
+        direction = np.full(len(told), frame.axis_rad[row])
         away = along_and_across(frame.lon_m[row] - told.lon_m, frame.lat_m[row] - told.lat_m, direction)
         return not bool((similarity(*away, self.settings) >= GATE_SIMILARITY).any())

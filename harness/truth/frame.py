@@ -72,6 +72,11 @@ class Frame:
         return len(self.vehicle_id)
 
     @property
+    def axis_rad(self) -> FloatArray:
+        """Direction against the longitudinal axis along which each vehicle is measured, shape (n,)."""
+        return np.zeros(len(self)) if self.direction_rad is None else self.direction_rad
+
+    @property
     def ego_pose(self) -> EgoPose:
         """Pose of the ego vehicle."""
         names = ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m")

@@ -67,7 +67,7 @@ def ask(
     first seconds of each ego are not judged: no tracker can know the traffic yet.
     """
     egos, there = egos_of(truth, rows)
-    bodies = tracked_bodies(detections, rows, egos, settings)
+    bodies = tracked_bodies(detections, rows, egos, driven.road, settings)
     existence = tracks["existence"].to_numpy(dtype=np.float64) if "existence" in tracks else np.ones(len(tracks))
     doubtful = existence[rows.tracks.table_row] < settings.driver_existence
     step_s, since_s = _times(rows)

@@ -14,6 +14,7 @@ from harness.scoring.evidence.pairs import GATE_SIMILARITY, pairs_near
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
+from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 SIZES = ("length_m", "width_m")
@@ -56,12 +57,14 @@ def true_bodies(truth: pd.DataFrame, rows: RunRows) -> Bodies:
     )
 
 
-def tracked_bodies(detections: pd.DataFrame, rows: RunRows, egos: Egos, settings: ScoringSettings) -> Bodies:
+def tracked_bodies(
+    detections: pd.DataFrame, rows: RunRows, egos: Egos, road: Road, settings: ScoringSettings
+) -> Bodies:
     """Return the reported tracks in the order of ``TrackRows``; a track without speed gets the ego's speed."""
     tracks = rows.tracks
     order = np.lexsort((tracks.step, tracks.track))
     length, width = _measured_so_far(detections, rows, order, settings)
-    direction = np.zeros(len(tracks)) if rows.ego_direction_rad is None else _headings(rows, order)
+    direction = road.axis_of(_headings(rows, order))
     speed = np.where(np.isfinite(tracks.speed_mps), tracks.speed_mps, egos.speed_mps[tracks.step])
     return Bodies(tracks.step, tracks.lon_m, tracks.lat_m, speed, direction, length, width)
 

@@ -16,6 +16,8 @@ from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
 from harness.storage.schema import HIDDEN, VISIBLE
 from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.lane_graph import without_map
 from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
 from tests.harness.closedloop.frames import frame_of
 
@@ -42,9 +44,9 @@ def tracks_at(lon, lat, speed=8.0, state=CONFIRMED, existence=1.0, first=0):
 
 @pytest.mark.parametrize("in_plane", [False, True])
 def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished_run(in_plane):
-    rng = np.random.default_rng(5)
+    rng, road = np.random.default_rng(5), LaneGraphRoad(without_map()) if in_plane else ROAD
     settings = sensor_settings("lidar", {})
-    sensor, recorder, perception = build_sensor(settings), ColumnRecorder(), TrackedPerception()
+    sensor, recorder, perception = build_sensor(settings), ColumnRecorder(), TrackedPerception(road)
     found = []
     for step in range(25):
         lon = np.array([0.0, 18.0, 30.0, -20.0, 45.0]) + 0.8 * step
@@ -63,7 +65,7 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
     tables, scoring = recorder.tables(), ScoringSettings()
     rows = read_run(tables.truth, tables.detections, tables.tracks)
     egos, _ = egos_of(tables.truth, rows)
-    whole = tracked_bodies(tables.detections, rows, egos, scoring)
+    whole = tracked_bodies(tables.detections, rows, egos, road, scoring)
     kept = tables.tracks["existence"].to_numpy()[rows.tracks.table_row] >= scoring.driver_existence
     for name in ("lon_m", "lat_m", "speed_mps", "length_m", "width_m", "direction_rad"):
         expected = pd.Series(getattr(whole, name)[kept]).groupby(whole.step[kept]).apply(sorted)
@@ -77,7 +79,7 @@ def test_a_human_sees_what_is_not_hidden_and_errs_as_an_ornstein_uhlenbeck_proce
     look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE, HIDDEN])))
     ends = []
     for seed in range(250):
-        human = HumanPerception(np.random.default_rng(seed), step_s=2.0)
+        human = HumanPerception(ROAD, np.random.default_rng(seed), step_s=2.0)
         for _ in range(15):
             bodies = human.bodies(look, Tracks.none())
         assert len(bodies) == 1
@@ -92,4 +94,17 @@ def test_a_human_sees_what_is_not_hidden_and_errs_as_an_ornstein_uhlenbeck_proce
 def test_an_awake_human_sees_gaps_as_they_are():
     frame = frame_of([0.0, 24.5], [1.8, 1.8])
     look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE])))
-    assert HumanPerception(np.random.default_rng(0), 0.1, awareness=1.0).bodies(look, Tracks.none()).lon_m[0] == 24.5
+    human = HumanPerception(ROAD, np.random.default_rng(0), 0.1, awareness=1.0)
+    assert human.bodies(look, Tracks.none()).lon_m[0] == 24.5
+
+
+@pytest.mark.parametrize(("road", "line"), [(ROAD, [30.0, 0.0]), (LaneGraphRoad(without_map()), [30.0, 40.0])])
+def test_a_human_errs_along_the_road_or_along_the_line_to_the_other_where_the_frame_is_the_plane(road, line):
+    frame = frame_of([0.0, 30.0], [0.0, 40.0])
+    look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE])))
+    bodies = HumanPerception(road, np.random.default_rng(0), 2.0).bodies(look, Tracks.none())
+    moved = np.array([bodies.lon_m[0] - 30.0, bodies.lat_m[0] - 40.0])
+    gap = np.hypot(*line) - 4.5
+    assert bodies.speed_mps[0] - 10.0 == pytest.approx(0.2 * np.sign(moved[0]) * np.hypot(*moved))
+    assert moved / np.hypot(*moved) == pytest.approx(np.sign(moved[0]) * np.array(line) / np.hypot(*line))
+    assert 0.0 < np.hypot(*moved) < gap
