@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from harness.common.errors import InputError, RunError
-from harness.grid.cluster import CONNECT_S, MEND, connect, run_cell, run_cells_on_cluster
+from harness.common.errors import InputError
+from harness.grid.cluster import CONNECT_S, connect, run_cell, run_cells_on_cluster
 from harness.grid.grid import GridRequest, plan_grid
 
 CELLS = plan_grid(GridRequest(densities="20", seeds="3", trackers="mmpf,pmbm", duration_s=1.0)).cells
@@ -80,29 +80,6 @@ def test_a_cell_that_the_cluster_gives_up_is_failed_rows_with_its_reason():
     assert [row["seed"] for row in failed] == [1, 1]
     assert {row["error"] for row in failed} == {"the cluster gave the task up: ValueError: no way"}
     assert {row["total_s"] for row in failed} == {0.0}
-
-
-@pytest.mark.parametrize(("how", "word"), [("cancelled", ""), ("lost", " (TimeoutError)"), ("pending", "")])
-def test_a_lost_scheduler_ends_all_in_one_line_that_says_how_to_go_on(how, word):
-    client, rows = Cluster(None, how, None), {}
-    with pytest.raises(RunError) as caught:
-        run_cells_on_cluster(client, CELLS, None, rows.__setitem__)
-    assert str(caught.value) == f"the connection to the cluster's scheduler was lost{word}; {MEND}"
-    assert [row["seed"] for row in rows.values()] == [2, 2]
-    assert client.cancelled == client.tasks[:2]
-
-
-@pytest.mark.parametrize(("error", "told"), [(OSError("timed\n out"), "timed out"), (ValueError(), "ValueError")])
-def test_a_scheduler_that_does_not_answer_is_told_with_what_is_wrong(distributed, error, told):
-    def refuse(address, **options):
-        raise error
-
-    distributed.Client = refuse
-    with pytest.raises(InputError) as caught:
-        connect("tcp://h:1")
-    assert str(caught.value) == (
-        f"`scheduler` tcp://h:1: no scheduler answers ({told}); for example `scheduler` tcp://host:8786"
-    )
 
 
 def test_without_dask_it_is_told_how_to_install_it(monkeypatch):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-from harness.common.errors import InputError
 from harness.grid.grid import GridRequest, plan_grid
 
 
@@ -74,28 +71,3 @@ def test_anything_that_changes_a_run_changes_its_key():
     asked = [{}, {"duration_s": 5.0}, {"sensor": "radar"}, {"settings": ("sensor.range_m=80",)}, {"particles": 50}]
     keys = [plan_grid(GridRequest(densities="20", seeds="1", **each)).runs[0].key for each in asked]
     assert len(set(keys)) == len(keys)
-
-
-@pytest.mark.parametrize(
-    "asked",
-    [
-        {"densities": "65:5:10"},
-        {"densities": "abc"},
-        {"densities": ""},
-        {"densities": "70"},
-        {"densities": "5:65:0.0001", "seeds": "100"},
-        {"densities": "20", "demands": "jam"},
-        {"densities": "20", "vary": ("sensor.range_m",)},
-        {"densities": "20", "vary": ("nonsense=1,2",)},
-        {"densities": "20", "vary": ("tracker.nonsense=1,2",)},
-        {"densities": "20", "vary": ("traffic.density=1,2",)},
-        {"densities": "20", "vary": ("seed=1,2",)},
-        {"densities": "20", "vary": ("sensor.range_m=5,6", "sensor.range_m=7")},
-        {"densities": "20", "trackers": "mmpf+update"},
-        {"densities": "20", "trackers": "stonesoup-gnn", "models": "cvm"},
-    ],
-)
-def test_a_wrong_grid_is_answered_with_an_example_on_one_line(asked):
-    with pytest.raises(InputError, match="for example") as caught:
-        plan_grid(GridRequest(**asked))
-    assert "\n" not in str(caught.value)

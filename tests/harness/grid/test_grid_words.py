@@ -9,7 +9,6 @@ import pytest
 from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.config.options import checked
-from harness.grid import grid as planning
 from harness.grid.cells import PlannedRun, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
@@ -47,14 +46,6 @@ def test_what_is_wrong_with_a_grid_is_told_with_its_option_and_the_fix(asked, op
     assert words in str(caught.value)
 
 
-def test_exactly_a_hundred_thousand_runs_are_allowed(monkeypatch):
-    monkeypatch.setattr(planning, "MOST_RUNS", 2 * 3 * 2 * 2)
-    asked = {"densities": "10,20", "seeds": "3", "vary": ("sensor.range_m=40,60",), "trackers": "pmbm,oc-sort"}
-    assert len(plan_grid(GridRequest(**asked)).runs) == 24
-    with pytest.raises(InputError, match="the grid has 36 runs"):
-        plan_grid(GridRequest(**asked | {"trackers": "pmbm,oc-sort,box-kalman"}))
-
-
 def test_the_runs_of_a_grid_stand_in_this_order_with_these_settings():
     grid = plan_grid(
         GridRequest(
@@ -88,11 +79,6 @@ def test_the_runs_of_a_grid_stand_in_this_order_with_these_settings():
     assert [each.tracker.name for each in distinct_trackers(grid)] == ["mmpf"] * 4 + ["a.b:c"] * 4 + ["pmbm"] * 2
 
 
-def test_particles_of_the_grid_are_for_trackers_that_take_its_settings():
-    runs = plan_grid(GridRequest(densities="20", seeds="1", trackers="mmpf,a.b:c,pmbm", particles=50)).runs
-    assert [run.config.tracker.particles for run in runs] == [50, 50, None]
-
-
 def run_of(variant="mmpf", varied=None, mismatch=None, **settings) -> PlannedRun:
     traffic = {"net": "us101", "density": 20.0} | settings.pop("traffic", {})
     content = {"seed": 3, "traffic": traffic, "tracker": {"name": "mmpf", "model": "cvm"}} | settings
@@ -116,17 +102,6 @@ def test_the_key_of_a_run_reads_as_what_it_is_of_and_tells_it_from_others():
     far = run_of(traffic={"net": "/" + "a" * 60 + "/ü b.sumocfg", "density": None}, tracker={"name": "x.y:z" * 5})
     readable = far.key.rpartition("-")[0]
     assert readable == ("-" + "a" * 60 + "-ü-b.sumocfg-s3-" + "x.y-z" * 5)[-80:].lstrip("-.")
-
-
-def test_a_run_is_told_from_others_by_these_columns():
-    assert run_of(varied={"sensor.range_m": 40.0}, mismatch="noise").identity() == {
-        "net": "us101", "density": 20.0, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": "cvm",
-        "update": "joint", "seed": 3, "sensor.range_m": 40.0, "mismatch": "noise",
-    }  # fmt: skip
-    replayed = run_of(replay="some/where.csv", traffic={"density": None})
-    assert replayed.identity()["replay"] == "where.csv"
-    assert "mismatch" not in replayed.identity()
-    assert replayed.key.startswith("us101-where-s3-mmpf")
 
 
 def asked(**options) -> GridRequest:

@@ -71,10 +71,6 @@ def test_networks_that_make_no_grid_are_told_in_one_line(words, named, tmp_path,
     assert named in line
 
 
-def test_a_grid_of_one_network_is_written_down_as_it_always_was():
-    assert "nets" not in GridRequest().as_table()
-
-
 def two_networks() -> pd.DataFrame:
     table = [
         {**rows(20, seed, same_id=share), NET: net, "density": None, "demand": "middle"}

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -14,11 +12,11 @@ from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
-from harness.grid.result_rows import assemble, failed_row
+from harness.grid.result_rows import assemble
 from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
 from harness.storage.grid_folder import check_same_grid, open_grid_folder
-from harness.storage.grid_rows import column_of, flattened, read_rows, write_row
+from harness.storage.grid_rows import flattened, read_rows, write_row
 
 GRID = plan_grid(GridRequest(densities="20", seeds="2", trackers="pmbm", vary=("sensor.range_m=40,60",)))
 
@@ -28,20 +26,6 @@ def test_nested_tables_lists_and_intervals_become_columns():
     assert flattened(table) == {
         "a": 1, "b.c": 2, "b.d_ci95.low": 3, "b.d_ci95.high": 4, "b.e.0.f": 5, "b.e.1": 6, "g_ci95.low": None,
         "g_ci95.high": None, "h": None, "i": "x",
-    }  # fmt: skip
-
-
-def test_a_column_that_a_table_has_not_is_nan():
-    table = pd.DataFrame({"a": [1, 2]})
-    assert column_of(table, "a").tolist() == [1.0, 2.0]
-    assert column_of(table, "a").dtype == np.float64
-    assert np.isnan(column_of(table, "b")).tolist() == [True, True]
-
-
-def test_a_failed_row_has_its_reason_on_one_line():
-    run = GRID.runs[0]
-    assert failed_row(run, " it\n  broke ", 1.5) == run.identity() | {
-        "succeeded": False, "error": "it broke", "total_s": 1.5,
     }  # fmt: skip
 
 
@@ -169,12 +153,6 @@ def test_a_folder_that_may_not_be_written_is_told(tmp_path):
     )
 
 
-def test_a_folder_below_a_file_is_told(tmp_path):
-    (tmp_path / "file").touch()
-    out = tmp_path / "file" / "out"
-    assert refused(out) == f"`out`: can't write in {out}: Not a directory; choose another folder"
-
-
 def test_a_grid_must_cover_what_its_folder_holds(tmp_path):
     rows = tmp_path / "runs"
     rows.mkdir()
@@ -215,8 +193,3 @@ def test_the_command_of_a_run_says_what_is_not_a_default_and_always_its_traffic_
         "'sensor.overrides.odd=\"a-b\"' --set 'sensor.overrides.no=\"nan\"' --tracker pmbm --set "
         "'tracker.options.x.y=[1, 2]' --set tracker.options.truth=true --set 'tracker.options.word=\"true\"'",
     ]
-
-
-def test_json_of_rows_is_plain(tmp_path):
-    write_row(tmp_path, "a", {"b": None, "c": 1.5})
-    assert (tmp_path / "a.json").read_text() == json.dumps({"b": None, "c": 1.5})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
@@ -111,36 +110,6 @@ def test_the_summary_tells_the_grid_its_failures_and_its_curves(tmp_path, drawn)
     assert runs["density"].dtype == runs["mot.hota"].dtype == "float64"
 
 
-def test_a_grid_of_mismatches_leaves_their_table_and_no_figure(tmp_path, drawn):
-    request = GridRequest(densities="20", seeds="1", trackers="detections", mismatch=True)
-    bad = plan_grid(request).runs[1]
-    finished = run_stress(request, tmp_path / "out", MadeUp(bad.key))
-    words = "net us101, density 20.0, mismatch noise believed x 0.5, variant detections, seed 0: it broke"
-    assert (tmp_path / "out" / "table.md").read_text().endswith(f"\nFailed:\n\n- {words}\n")
-    assert list(finished.summary) == ["grid", "runs", "failed", "failures", "mismatches", "leads"]
-    assert finished.summary["mismatches"][0] == {
-        "variant": "detections", "model": "", "mismatch": "as is", "hota": 80.0, "hota_loss": 0.0,
-        "hota_loss_ci95": [None, None], "id_switches": None, "coverage95_lon": None, "runs": 1,
-        "hota_ci95": [None, None], "recall": None, "worst_tenth": None, "missed": None, "hidden_cost_m": None,
-        "false_tracks_per_scan": None,
-    }  # fmt: skip
-    assert (drawn, finished.points, finished.breaks) == ([], (), ())
-
-
-def test_rows_go_into_files_of_their_own_and_the_densest_cells_are_run_first(tmp_path):
-    execute = MadeUp()
-    run_stress(REQUEST, tmp_path / "out", execute)
-    assert [(cell.config.seed, cell.config.traffic.density) for cell in execute.cells] == [
-        (0, 40.0), (1, 40.0), (0, 20.0), (1, 20.0),
-    ]  # fmt: skip
-    run = plan_grid(REQUEST).runs[0]
-    assert json.loads((tmp_path / "out" / "runs" / f"{run.key}.json").read_text()) == {
-        "net": "us101", "density": 20.0, "demand": None, "tracker": "mmpf", "variant": "mmpf", "model": "cvm",
-        "update": "joint", "seed": 0, "succeeded": True, "error": None, "total_s": 2.5, "mot.hota": 80.0,
-        "occlusion.same_id": 30.0, "occlusion.events": 40.0,
-    }  # fmt: skip
-
-
 def stopped(out, after: int) -> None:
     with pytest.raises(
         Exception, match=f"^interrupted after {after} of 8 runs; continue with the same command and `resume`$"
@@ -231,57 +200,6 @@ def test_a_fitted_model_is_part_of_a_runs_label_and_of_what_is_made_again(tmp_pa
     run_stress(request, out, again, resume=True, user=telling(said))
     assert len(again.cells) == 4
     assert said[0] == "warned keeping.npz has changed since 4 runs by it were made; they are made again"
-
-
-def test_a_grid_without_runs_warns_of_no_other_version(tmp_path):
-    out, said = tmp_path / "out", []
-    stopped(out, 0)
-    (out / "manifest.json").write_text("{}")
-    run_stress(REQUEST, out, MadeUp(), resume=True, user=telling(said))
-    assert said == ["0 runs are kept, 8 are made"]
-
-
-@pytest.mark.parametrize(
-    ("error", "problem"),
-    [
-        (OSError(errno.ENOSPC, "No space left", "a.json"), "a.json: No space left"),
-        (OSError(errno.ENOSPC, "No space left"), "No space left"),
-        (OSError("odd"), "OSError: odd"),
-        (MemoryError(), "MemoryError"),
-        (MemoryError("all gone"), "MemoryError: all gone"),
-    ],
-)
-def test_what_the_system_refuses_ends_in_one_line_that_says_what_is_kept(error, problem, tmp_path):
-    def execute(cells, on_row) -> None:
-        MadeUp()(cells[:1], on_row)
-        raise error
-
-    out = tmp_path / "out"
-    with pytest.raises(RunError) as caught:
-        run_stress(REQUEST, out, execute)
-    assert str(caught.value) == (
-        f"the {ownership.plain(ownership.STRESS)} in {out} can't continue ({problem}); 2 of 8 runs are kept; fix "
-        "this, then continue with the same command and `resume`"
-    )
-
-
-@pytest.mark.parametrize(
-    ("request_", "problem"),
-    [
-        (GridRequest(densities="20", seeds="1", sensor="nonsense"), "nonsense"),
-        (GridRequest(densities="20", seeds="1", trackers="mmpf+nonsense=1"), "nonsense"),
-        (GridRequest(demands="nonsense", seeds="1"), "no such demand"),
-        (GridRequest(densities="20", seeds="1", settings=("driver.kind=nonsense",)), "driver"),
-        (
-            GridRequest(densities="20", seeds="1", vary=("sensor.range_m=-5,5",)),
-            "^`vary`: .*range_m.*; for example `vary` sensor.range_m=40:160:20$",
-        ),
-    ],
-)
-def test_a_wrong_grid_is_told_before_its_folder_is_made(request_, problem, tmp_path):
-    with pytest.raises(InputError, match=problem):
-        run_stress(request_, tmp_path / "out", MadeUp())
-    assert not (tmp_path / "out").exists()
 
 
 def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):

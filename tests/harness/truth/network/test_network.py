@@ -23,13 +23,6 @@ def test_us101_has_the_lanes_of_the_site(us101):
     assert (lanes[6].right_m, lanes[6].left_m) == pytest.approx((-3.66, 0.0))
 
 
-def test_us101_section_is_640_m_with_road_before_and_behind(us101):
-    start, end = us101.road.section_m
-    assert end - start == 640.0
-    assert us101.corridor.edges[0].start_m <= start - 300.0
-    assert us101.corridor.edges[-1].end_m >= end + 300.0
-
-
 def test_edges_of_the_main_road_abut_so_that_nothing_jumps_between_them(us101):
     edges = us101.corridor.edges
     for before, after in itertools.pairwise(edges):
@@ -53,11 +46,6 @@ def test_every_network_is_listed_with_its_demands():
     demands = dict(listed["us101"].demands)
     assert {"us101-0750", "us101-0805", "us101-0820"} <= set(demands)
     assert all(demands.values())
-
-
-def test_every_listed_demand_can_be_asked_for(us101):
-    for name in us101.demands:
-        assert 5.0 <= us101.demand(name).density_veh_per_km_lane <= 65.0
 
 
 def test_an_unknown_demand_is_answered_with_the_known_ones(us101):

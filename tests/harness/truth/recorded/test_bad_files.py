@@ -25,11 +25,6 @@ def empty(folder: Path) -> Path:
     return folder / "file"
 
 
-def blank(folder: Path) -> Path:
-    (folder / "file").write_text(" \n\n")
-    return folder / "file"
-
-
 def huge_binary(folder: Path) -> Path:
     path = folder / "file"
     path.write_bytes(b"\x7fELF\x02\x01\x01")
@@ -173,7 +168,7 @@ def highd_without_a_column(folder: Path) -> Path:
 
 
 BAD = (
-    empty, blank, huge_binary, prose, other_xml, column_missing, text_column_missing, row_cut, word_for_number,
+    empty, huge_binary, prose, other_xml, column_missing, text_column_missing, row_cut, word_for_number,
     number_missing, some_positions_in_metres, positions_in_metres_from_some_row_on, everything_in_metres,
     sizes_in_metres, time_runs_back, time_and_frames_run_back, time_stands_still, fcd_time_runs_back,
     commonroad_time_runs_back, fcd_in_degrees, commonroad_without_lanelets, commonroad_of_another_version,
@@ -213,11 +208,6 @@ def test_a_gigabyte_of_noise_behind_a_good_head_is_refused_too(capsys, tmp_path,
     refused(["run", "--replay", str(path)], capsys)
 
 
-def test_a_forced_format_does_not_make_a_binary_file_readable(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert "binary" in refused(["run", "--replay", str(huge_binary(tmp_path)), "--format", "ngsim"], capsys)
-
-
 @pytest.mark.parametrize("name", ["commonroad", "fcd", "highd", "ngsim-text", "ngsim"])
 def test_a_forced_format_that_is_not_the_files_is_told(name, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -254,11 +244,3 @@ def test_floating_car_data_on_a_network_of_many_roads_is_one_clear_line(tmp_path
     with pytest.raises(InputError, match="with a main road") as error:
         read_fcd(tmp_path / "fcd.xml", str(tmp_path / "own.sumocfg"))
     assert "\n" not in str(error.value)
-
-
-def test_a_recording_that_is_a_link_to_itself_is_one_line(tmp_path, capsys):
-    link = tmp_path / "loop.csv"
-    link.symlink_to(link)
-    assert run_command_line(["run", "--replay", str(link)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "loop.csv" in line

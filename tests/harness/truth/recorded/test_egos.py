@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.truth.recorded.egos import plan_egos
 from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.recorded.traffic import recorded_window
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
@@ -75,11 +74,6 @@ def test_the_window_ends_where_vehicles_usually_vanish_and_not_where_one_strays(
 def test_a_window_without_comings_and_goings_is_as_long_as_the_traffic():
     lon = np.concatenate([np.linspace(5.0, 50.0, 10), np.linspace(20.0, 70.0, 10)])
     assert recorded_window(np.tile(np.arange(10), 2), np.repeat([0, 1], 10), lon) == (5.0, 70.0)
-
-
-def test_the_same_question_has_the_same_answer(tmp_path):
-    truth = truth_of(tmp_path, "auto")
-    assert plan_egos(truth.traffic, "auto") == truth.egos
 
 
 @pytest.mark.parametrize(("ego", "names"), [("each:1", ["1"]), ("each:2", ["1", "3"]), ("each:9", ["1", "2", "3"])])

@@ -7,8 +7,6 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.report.summary import print_summary
-from harness.report.summary_text import setting_sentence
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage import run_folder as runfolder
@@ -60,35 +58,10 @@ def test_the_metrics_say_what_became_of_every_vehicle(recording, tmp_path):
     assert told["format"] == "ngsim"
 
 
-def test_the_counts_are_printed_unless_the_run_is_to_be_quiet(recording, tmp_path, capsys):
-    run(configured(recording), out=tmp_path / "loud", quiet=False)
-    assert "4 vehicles read, 4 kept; left out: none" in capsys.readouterr().err
-    run(configured(recording), out=tmp_path / "quiet", quiet=True)
-    assert not capsys.readouterr().err
-
-
-def test_the_summary_names_the_recordings_file(recording, tmp_path, capsys):
-    on_us101 = run(configured(recording, duration=0.5), out=tmp_path / "on-us101")
-    print_summary(on_us101.metrics, on_us101.folder)
-    assert "scene.csv on us101 · " in capsys.readouterr().err
-    first = run(configured(write_commonroad(tmp_path / "scene.xml"), duration=0.5), out=tmp_path / "run")
-    print_summary(first.metrics, first.folder)
-    assert "scene.xml · " in capsys.readouterr().err
-    assert "the traffic of scene.xml for" in setting_sentence(first.metrics)
-    print_summary(run(configured(first.folder), out=tmp_path / "again").metrics, tmp_path)
-    assert "a recording · " in capsys.readouterr().err
-
-
 def test_a_replay_of_a_run_refuses_another_ego(recording, tmp_path):
     first = run(configured(recording), out=tmp_path / "first").folder
     with pytest.raises(InputError, match="`ego`"):
         configured(first, ego="each")
-
-
-def test_the_folders_name_tells_the_recording_and_the_ego(recording):
-    assert configured(recording, ego="7").default_folder_name() == (
-        "scene-tests.harness.stand_ins-echo_tracker-ego-7-s0"
-    )
 
 
 def test_a_run_may_begin_in_the_middle_of_a_recording(recording, tmp_path):
