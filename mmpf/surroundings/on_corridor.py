@@ -3,8 +3,8 @@
 Who leads and who follows whom is settled between component means, lane by lane, and in the own lane by who is in the
 way; the gap is then each particle's own. Off every lane, as on a ramp, there are no lines and nobody to follow.
 
-Who may be a false object is minded by as many particles as it is probably a vehicle: else a false object in the lane
-would make all particles of the vehicle behind it brake.
+Who may be a false object is heeded by as many particles as it is probably a vehicle (``mmpf.motion.doubting``): else a
+false object in the lane would make all particles of the vehicle behind it brake.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.map.corridor_road import CorridorRoad
+from mmpf.motion.doubting import DOUBT
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -23,7 +24,7 @@ from mmpf.surroundings.adjacent_lanes import LEFT, OWN, RIGHT, lanes_around
 from mmpf.surroundings.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
 
 LEAST_PROBABILITIES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""A fifth of a component's particles each mind who is a vehicle with more than this probability."""
+"""For each fifth of the doubts from 0 to 1: particles heed who is a vehicle with more than this probability."""
 
 
 def surroundings_of(
@@ -38,7 +39,7 @@ def surroundings_of(
     """Return what each particle knows of road and traffic.
 
     Args:
-        mixture: The belief; its confirmed components count as vehicles for the others.
+        mixture: The belief, whose particles have doubts; its confirmed components count as vehicles for the others.
         moments: Its components' moments.
         is_seen: Components that were seen lately, shape (m,).
         ego: Pose of the sensor's own vehicle, a neighbour like any other.
@@ -56,7 +57,7 @@ def surroundings_of(
         for least in LEAST_PROBABILITIES
     ]
     leader, follower = (np.concatenate(tables) for tables in zip(*cases, strict=True))
-    case = (np.arange(len(component)) - mixture.starts[component]) % len(cases)
+    case = (mixture.cloud.latents[DOUBT] * len(cases)).astype(np.int64)
 
     lanes = lanes_around(state[LON], state[LAT], road)
     known = KnownTraffic(

@@ -12,6 +12,7 @@ from mmpf.belief.moments import Moments, component_moments
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
+from mmpf.motion.doubting import Doubting
 from mmpf.motion.free import in_plane
 from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -57,7 +58,7 @@ class _OnCorridor:
     flow: FlowOptions
 
     def motion(self, model: MotionModel) -> MotionModel:
-        return model
+        return Doubting(model)
 
     def traffic(self, place: FloatArray, speed_mps: FloatArray) -> Traffic:
         return Traffic(place[0], speed_mps)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments, component_moments
+from mmpf.belief.resampling import resample
 from mmpf.joint.kinds import SHAPE, STANDING, VEHICLE
 from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.map.road import Lane, Road
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
+from mmpf.numerics.arrays import BoolArray
 from mmpf.options.filter import FlowOptions
 from mmpf.scan import EgoPose
 from mmpf.surroundings.on_corridor import surroundings_of
@@ -26,6 +29,12 @@ NEIGHBOURS = {
     "leader": (0, True), "left_leader": (1, True), "left_follower": (1, False), "right_leader": (-1, True),
     "right_follower": (-1, False),
 }  # fmt: skip
+
+
+def with_even_doubts(belief: Mixture) -> Mixture:
+    """Return a belief whose particles have doubts that are spread evenly from 0 to 1, in tens."""
+    doubt = (np.arange(len(belief.cloud)) % 10 + 0.5) / 10.0
+    return replace(belief, cloud=replace(belief.cloud, latents=doubt[None]))
 
 
 class Scene:
@@ -53,7 +62,8 @@ class Scene:
         states = [self.state[:, self.component == m] for m in range(self.mean.shape[1])]
         belief = belief_of(states, length_m=self.length, width_m=self.width, confirmed=self.is_neighbour)
         moments = Moments(self.mean, np.zeros_like(self.mean), self.mean[0] * 0.0)
-        return surroundings_of(belief, moments, self.is_seen, self.ego, self.ego_accel, self.road, FlowOptions())
+        args = moments, self.is_seen, self.ego, self.ego_accel, self.road, FlowOptions()
+        return surroundings_of(with_even_doubts(belief), *args)
 
     def others(self) -> list[dict[str, float]]:
         """Return everyone that counts as a vehicle, the ego last."""
@@ -200,7 +210,7 @@ def neighbours_of(*, lat: float, other_lat: float, width_m: float = 1.9) -> Surr
     far_ego, width = EgoPose(-500.0, 5.5, 0.0, 20.0, 4.7, 1.9), np.array([1.9, width_m])
     belief = belief_of([mean[:, :1], mean[:, 1:]], length_m=[4.7, 4.7], width_m=width, confirmed=[True, True])
     moments, is_seen = Moments(mean, np.zeros_like(mean), np.zeros(2)), np.full(2, True)
-    return surroundings_of(belief, moments, is_seen, far_ego, 0.0, highway(3), FlowOptions())
+    return surroundings_of(with_even_doubts(belief), moments, is_seen, far_ego, 0.0, highway(3), FlowOptions())
 
 
 def test_a_vehicle_on_a_ramp_has_no_lane_lines_and_follows_nobody():
@@ -244,13 +254,31 @@ def test_a_wide_truck_is_in_the_way_where_a_car_is_not():
     assert neighbours_of(lat=3.8, other_lat=5.5, width_m=2.6).leader.exists[0]
 
 
-@pytest.mark.parametrize(("probability", "minding"), [(1.0, 1.0), (0.4, 0.4), (0.02, 0.0)])
-def test_as_many_particles_mind_a_leader_as_it_is_probably_a_vehicle(probability, minding):
+def behind_a_doubtful_one(probability: float, weight: list[float] | None = None) -> Mixture:
+    """Return a belief of ten particles, weighted evenly or as given, behind what is probably a vehicle or is not."""
     kinds = np.zeros((2, *SHAPE))
     kinds[:, VEHICLE, 0, -1] = [1.0, probability]
     kinds[:, STANDING, 0, -1] = [0.0, 1.0 - probability]
-    belief = belief_of([spot(0.0, 5.5), spot(30.0, 5.5, 0.0)], confirmed=[True, True], kinds=kinds)
-    ego = EgoPose(-200.0, 5.5, 0.0, 20.0, 4.7, 1.9)
-    moments = component_moments(belief)
-    found = surroundings_of(belief, moments, np.ones(2, dtype=bool), ego, 0.0, highway(5), FlowOptions())
-    assert found.leader.exists[:10].mean() == pytest.approx(minding)
+    spots, even = [spot(0.0, 5.5), spot(30.0, 5.5, 0.0)], np.full(10, 0.1)
+    weights = [even if weight is None else np.array(weight), even]
+    return with_even_doubts(belief_of(spots, weights, confirmed=[True, True], kinds=kinds))
+
+
+def heeding(belief: Mixture) -> BoolArray:
+    """Return which particles of the first vehicle have the second for a leader."""
+    ego, seen = EgoPose(-200.0, 5.5, 0.0, 20.0, 4.7, 1.9), np.ones(2, dtype=bool)
+    found = surroundings_of(belief, component_moments(belief), seen, ego, 0.0, highway(5), FlowOptions())
+    return found.leader.exists[: belief.starts[1]]
+
+
+@pytest.mark.parametrize(("probability", "share"), [(1.0, 1.0), (0.4, 0.4), (0.02, 0.0)])
+def test_as_many_particles_heed_a_leader_as_it_is_probably_a_vehicle(probability, share):
+    assert heeding(behind_a_doubtful_one(probability)).mean() == pytest.approx(share)
+
+
+def test_the_descendants_of_particles_that_do_not_heed_a_leader_do_not_heed_it_either():
+    heeds = heeding(behind_a_doubtful_one(0.4))
+    belief = behind_a_doubtful_one(0.4, list(np.where(heeds, 1e-9, (1.0 - 1e-9 * heeds.sum()) / (~heeds).sum())))
+    after, _ = resample(belief, np.array([True, False]), 50, np.random.default_rng(0))
+    assert len(heeding(after)) == 50
+    assert not heeding(after).any()

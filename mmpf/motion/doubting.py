@@ -1,0 +1,66 @@
+"""Which doubtful vehicles ahead a particle heeds: a number that it keeps, and that resampling hands on.
+
+A vehicle ahead may be a false object. Particles that heed it brake, the others drive on. If the vehicle behind it does
+not brake, the detections choose particles that don't heed it, and their descendants still do not when out of sight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.motion.tries import log_prior_over_tried
+from mmpf.numerics.arrays import FloatArray
+
+DOUBT = -1
+"""Row of the latents, from the end: the particle heeds those that are vehicles with more than this probability."""
+REDRAWN_PER_S = 0.2
+"""How often a particle of a vehicle in sight draws its doubt anew: another vehicle may be ahead by then."""
+
+
+@dataclass(frozen=True)
+class Doubting:
+    """A motion model whose particles each doubt what is ahead; see ``mmpf.motion.protocol.MotionModel``.
+
+    Attributes:
+        inner: How a vehicle moves.
+    """
+
+    inner: MotionModel
+
+    @property
+    def name(self) -> str:
+        """Name of the model within."""
+        return self.inner.name
+
+    @property
+    def latent_size(self) -> int:
+        """The inner model's rows and one."""
+        return self.inner.latent_size + 1
+
+    @property
+    def spreads_speed(self) -> bool:
+        """What the inner model says."""
+        return spreads_speed(self.inner)
+
+    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Draw the inner model's latents, and doubts evenly from 0 to 1."""
+        return np.vstack([self.inner.draw_latents(state, rng), rng.random((1, state.shape[1]))])
+
+    def propagate(
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Let the inner model move the particles; some of vehicles in sight draw their doubts anew."""
+        inner, own = self.inner, latents[:DOUBT]
+        moved, carried = checked_step(inner, inner.propagate(state, own, surroundings, dt_s, rng), state, own)
+        change, drawn = rng.random((2, state.shape[1]), dtype=np.float32)
+        anew = ~surroundings.is_hidden & (change < -np.expm1(-dt_s * REDRAWN_PER_S))
+        return moved, np.vstack([carried, np.where(anew, drawn, latents[DOUBT])])
+
+    def log_prior_over_tried(
+        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
+    ) -> FloatArray:
+        """Return what the inner model says of weights; see ``TriesMore``."""
+        return log_prior_over_tried(self.inner, latents[:DOUBT], after[:DOUBT], surroundings, dt_s)
