@@ -124,6 +124,17 @@ def test_few_files_share_a_name_with_two_others():
     assert len(shared) <= MOST_SHARED_NAMES, shared
 
 
+def test_a_class_name_has_one_meaning():
+    """Each command's ``Options`` are its own; every other name is used once."""
+    classes = Counter(
+        node.name
+        for path in FILES.values()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert {name for name, n in classes.items() if n > 1} <= {"Options"}
+
+
 def test_the_page_for_contributors_names_every_package():
     page = (ROOT / "CONTRIBUTING.md").read_text()
     parts = {part for package in ("harness", "mmpf") for part in arrows_within(package)}

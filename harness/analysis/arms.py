@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.analysis.verdicts import Measured
+from harness.analysis.verdicts import MetricDifference
 from harness.common.effects import paired_effect, unpaired_effect
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -49,7 +49,7 @@ class Arms:
     layout: Layout
 
 
-def measure(arms: Arms, tolerated_loss: float = 0.0) -> Measured:
+def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
     """Return the difference of both arms; values that are nan are left out, with their partners where paired.
 
     Args:
@@ -63,7 +63,7 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> Measured:
     a, b = arms.a[known_a], arms.b[known_b]
     strata, units = ((pair[0][known_a], pair[1][known_b]) for pair in (layout.strata, layout.units))
     effect = paired_effect(a, b, strata[0], units[0]) if layout.paired else unpaired_effect(a, b, strata, units)
-    return Measured(
+    return MetricDifference(
         label=arms.label,
         quantity=arms.quantity,
         a=_mean(a),

@@ -46,7 +46,7 @@ HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Judgement:
     """A comparison of b with a.
 
     Attributes:
@@ -130,7 +130,7 @@ class Comparison:
         )
 
 
-def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: bool = False) -> Comparison:
+def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: bool = False) -> Judgement:
     """Compare b with a.
 
     Runs on the same traffic (same settings and seed) are paired. Without common seeds, whole arms are compared, which
@@ -158,7 +158,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         single = compare_runs(a, b, rules)
         verdicts = _with_values(judge(single.measured, rules))
         told = (*notes_of(a, b), *notes)
-        return Comparison(a.name, b.name, verdicts, told, rules, "vehicles", (), single.why, differs)
+        return Judgement(a.name, b.name, verdicts, told, rules, "vehicles", (), single.why, differs)
     arms: list[Arms] = []
     wanting = _missing_runs(a, b)
     units, compared, other = "seeds", 0, 0
@@ -196,7 +196,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         *_survivor_notes(verdicts),
     )
     paired = f"{compared} runs of each side are compared, of {len(a.rows)} of a and {len(b.rows)} of b."
-    return Comparison(a.name, b.name, verdicts, told, rules, units, tuple(wanting), None, differs, paired)
+    return Judgement(a.name, b.name, verdicts, told, rules, units, tuple(wanting), None, differs, paired)
 
 
 def _differing(a: Source, b: Source, allow_different: bool) -> tuple[str, ...]:

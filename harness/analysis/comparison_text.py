@@ -8,9 +8,9 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.analysis.compare import Comparison
+from harness.analysis.compare import Judgement
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict, name_of, quantity_of
-from harness.analysis.why import CAUSES, KINDS, Failure, Why, link_to, moment_of
+from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, link_to, moment_of
 from harness.common.markdown import markdown_table
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
@@ -18,7 +18,7 @@ HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "ve
 MOST_MOMENTS = 50
 
 
-def conclusion(comparison: Comparison) -> str:
+def conclusion(comparison: Judgement) -> str:
     """Return the outcome in a sentence or two."""
     outcome, judged = comparison.outcome, comparison.primary
     counts = [
@@ -37,7 +37,7 @@ def conclusion(comparison: Comparison) -> str:
     return f"No worse: b is nowhere worse by more than {100 * comparison.rules.tolerance:g} %; {found}."
 
 
-def as_markdown(comparison: Comparison, with_replay: bool = False) -> str:
+def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
     """Return the comparison as Markdown.
 
     Args:
@@ -54,13 +54,13 @@ def as_markdown(comparison: Comparison, with_replay: bool = False) -> str:
     return "\n".join([*lines, *comparison.notes, "", EXPLANATION, ""])
 
 
-def _basis(comparison: Comparison) -> list[str]:
+def _basis(comparison: Judgement) -> list[str]:
     """Return what was compared, and what differs between the experiments."""
     differs = [f"These differ: {'; '.join(comparison.differing)}."] if comparison.differing else []
     return [*differs, *([comparison.paired] if comparison.paired else [])]
 
 
-def print_comparison(comparison: Comparison) -> None:
+def print_comparison(comparison: Judgement) -> None:
     """Print the comparison on stderr."""
     parts: list[Table | Text] = [Text("\n".join(("", f"a: {comparison.a}", f"b: {comparison.b}", *_basis(comparison))))]
     labels = dict.fromkeys(verdict.label for verdict in comparison.verdicts)
@@ -73,7 +73,7 @@ def print_comparison(comparison: Comparison) -> None:
     Console(stderr=True, highlight=False).print(Group(*parts, Text(told.strip(), style=style)))
 
 
-def _open(comparison: Comparison) -> list[str]:
+def _open(comparison: Judgement) -> list[str]:
     """Return why nothing may be concluded as a paragraph in Markdown; nothing where something may be."""
     return [" ".join(comparison.reasons), ""] if comparison.outcome == UNDECIDED else []
 
@@ -86,7 +86,7 @@ EXPLANATION = (
 )
 
 
-def _screen_table(comparison: Comparison, label: str) -> Table:
+def _screen_table(comparison: Judgement, label: str) -> Table:
     """Return what fits 80 columns: all but p and the difference in percent."""
     rows = []
     for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label):
@@ -126,7 +126,7 @@ def _causes(why: Why) -> list[list[str]]:
 def _why(why: Why, with_replay: bool) -> list[str]:
     """Return causes and moments as Markdown; each moment leads into the run's replay, or into that of the page."""
 
-    def address(folder: str, failure: Failure) -> str:
+    def address(folder: str, failure: TrackFailure) -> str:
         return moment_of(failure) if with_replay else link_to(folder, failure)
 
     heading, *rows = _causes(why)

@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-from harness.analysis.compare import Comparison
+from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import HEADINGS, cells, conclusion
 from harness.analysis.verdicts import UNDECIDED, WORSE, Verdict
 from harness.analysis.why import moment_of
@@ -19,7 +19,7 @@ MOST_MOMENTS = 10
 _NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def as_junit(comparison: Comparison) -> str:
+def as_junit(comparison: Judgement) -> str:
     """Return JUnit's XML: a test case for each verdict, a failure where b is worse, skipped where that is undecided.
 
     One more case, skipped too, says what is missing that belongs to no single verdict.
@@ -40,7 +40,7 @@ def as_junit(comparison: Comparison) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"
 
 
-def as_summary(comparison: Comparison, pages: str | None = None) -> str:
+def as_summary(comparison: Judgement, pages: str | None = None) -> str:
     """Return the judged metrics and what stands against a verdict as Markdown that needs no other file.
 
     Args:

@@ -21,7 +21,7 @@ from harness.analysis.vehicles import (
     same_identity_by_vehicle,
     worst_tenth_by_vehicle,
 )
-from harness.analysis.verdicts import Measured, Rules, compared_quantities
+from harness.analysis.verdicts import MetricDifference, Rules, compared_quantities
 from harness.analysis.why import Why, failures
 from harness.common.effects import Effect, neighbours_effect
 from harness.common.errors import InputError
@@ -57,7 +57,7 @@ class SingleRuns:
         why: What their failures come from.
     """
 
-    measured: list[Measured]
+    measured: list[MetricDifference]
     why: Why
 
 
@@ -78,12 +78,14 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
     pairs = _common_errors(first, second)
     label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
 
-    def measured(quantity: Quantity) -> Measured:
+    def measured(quantity: Quantity) -> MetricDifference:
         whole = [column_of(side.rows, quantity.key) for side in (a, b)]
         older = quantity.key in BY_VEHICLE and quantity.key not in b.rows
         wanting = "" if older else lost_values(np.isfinite(whole[0]), np.isfinite(whole[1]), True)
         if wanting:
-            return Measured(label, quantity, float(whole[0][0]), np.nan, Effect(np.nan, np.nan, 0.0), 0, False, wanting)
+            return MetricDifference(
+                label, quantity, float(whole[0][0]), np.nan, Effect(np.nan, np.nan, 0.0), 0, False, wanting
+            )
         if quantity.key in BY_VEHICLE:
             sides = [BY_VEHICLE[quantity.key](evidence, vehicles) for evidence in (first, second)]
             return _of_sides(label, quantity, sides, near)
@@ -92,7 +94,7 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
             return _of_sides(label, quantity, _errors(pairs, state, ERROR_COLUMNS[name[0]], vehicles), near)
         effect = Effect(float(whole[1][0] - whole[0][0]), np.nan, 1.0)
         number = int(np.isfinite(effect.difference))
-        return Measured(
+        return MetricDifference(
             label, quantity, float(whole[0][0]), float(whole[1][0]), effect, number, effect.difference == 0.0
         )
 
@@ -116,7 +118,7 @@ def notes_of(a: Source, b: Source) -> list[str]:
     return notes
 
 
-def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: FloatArray) -> Measured:
+def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: FloatArray) -> MetricDifference:
     a, b = sides
     counted = (a.counts > 0.0) | (b.counts > 0.0)
     difference = b.value - a.value
@@ -125,7 +127,7 @@ def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: Floa
     effect = neighbours_effect(difference, influence, near[np.ix_(counted, counted)])
     variance = effect.se**2 + float(others @ others)
     same = difference == 0.0 and not influence.any() and np.array_equal(a.others, b.others)
-    return Measured(
+    return MetricDifference(
         label=label,
         quantity=quantity,
         a=a.value,

@@ -154,7 +154,7 @@ def name_of(metric: str) -> str:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MetricDifference:
     """The difference of one metric.
 
     Attributes:
@@ -221,7 +221,7 @@ class Verdict:
     breach: str = ""
 
 
-def judge(measured: Sequence[Measured], rules: Rules | None = None) -> list[Verdict]:
+def judge(measured: Sequence[MetricDifference], rules: Rules | None = None) -> list[Verdict]:
     """Give a verdict on every metric that is judged, and describe the others.
 
     Args:
@@ -249,24 +249,24 @@ def judge(measured: Sequence[Measured], rules: Rules | None = None) -> list[Verd
     ]
 
 
-def _p_of_worse(measured: Measured) -> float:
+def _p_of_worse(measured: MetricDifference) -> float:
     """Return the one-sided p value of b being no worse."""
     half = 0.5 * measured.effect.p
     return half if _worsening(measured) > 0.0 else 1.0 - half
 
 
-def _worsening(measured: Measured) -> float:
+def _worsening(measured: MetricDifference) -> float:
     return -measured.effect.difference if measured.quantity.higher_is_better else measured.effect.difference
 
 
-def _possible(measured: Measured) -> tuple[float, float]:
+def _possible(measured: MetricDifference) -> tuple[float, float]:
     """Return the least and the largest difference that there can be from a's value."""
     quantity = measured.quantity
     least = -np.inf if is_from_outside(quantity) else quantity.least
     return least - measured.a, quantity.most - measured.a
 
 
-def _unknown(measured: Measured, changed: Collection[str]) -> str:
+def _unknown(measured: MetricDifference, changed: Collection[str]) -> str:
     """Return why a difference's scatter is not known; empty where it is."""
     if measured.label not in changed or not measured.pairs:
         return ""
@@ -281,7 +281,7 @@ def _unknown(measured: Measured, changed: Collection[str]) -> str:
     return ""
 
 
-def _verdict(measured: Measured, rules: Rules, p: float, tests: int, unknown: str) -> Verdict:
+def _verdict(measured: MetricDifference, rules: Rules, p: float, tests: int, unknown: str) -> Verdict:
     effect, primary = measured.effect, rules.judges(measured.quantity)
     margin = rules.margin(measured.quantity, measured.a)
     sign = -1.0 if measured.quantity.higher_is_better else 1.0

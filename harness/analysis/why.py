@@ -33,7 +33,7 @@ KINDS = (SWITCH, LOSS)
 
 
 @dataclass(frozen=True)
-class Failure:
+class TrackFailure:
     """One failure of a tracker.
 
     Attributes:
@@ -53,7 +53,7 @@ class Failure:
     after: int
 
 
-def failures(evidence: Evidence) -> list[Failure]:
+def failures(evidence: Evidence) -> list[TrackFailure]:
     """Return all identity switches in sight and all lost tracks of hidden vehicles, in the order of time.
 
     The switches are those that ``mot.id_switches`` counts. A track is lost once for each time that its vehicle is
@@ -64,7 +64,7 @@ def failures(evidence: Evidence) -> list[Failure]:
     return sorted(found, key=lambda failure: (failure.time_s, failure.kind, failure.vehicle_id))
 
 
-def counted(found: Sequence[Failure]) -> dict[str, dict[str, int]]:
+def counted(found: Sequence[TrackFailure]) -> dict[str, dict[str, int]]:
     """Return the number of failures by kind and cause, zeros too."""
     return {
         kind: {cause: sum((each.kind, each.cause) == (kind, cause) for each in found) for cause in CAUSES}
@@ -102,7 +102,7 @@ class _Tracks:
         return MERGE if (close & goes_on & (near != row)).any() else DEATH
 
 
-def _switches(evidence: Evidence, tracks: _Tracks) -> Iterator[Failure]:
+def _switches(evidence: Evidence, tracks: _Tracks) -> Iterator[TrackFailure]:
     sequence, truth, rows = evidence.in_sight, evidence.rows.truth, evidence.rows.tracks
     chosen = select_in_sight(evidence.rows, evidence.history, evidence.pairs, evidence.settings)
     truth_rows, track_rows = np.flatnonzero(chosen.truth), np.flatnonzero(chosen.tracks)
@@ -110,7 +110,7 @@ def _switches(evidence: Evidence, tracks: _Tracks) -> Iterator[Failure]:
     for place in matches.switches(sequence):
         old_row, new_row = (int(track_rows[matches.track[at]]) for at in (place - 1, place))
         last, now = (int(truth_rows[matches.truth[at]]) for at in (place - 1, place))
-        yield Failure(
+        yield TrackFailure(
             SWITCH,
             _cause_of_switch(evidence, tracks, (last, now), (old_row, new_row)),
             tracks.name[int(truth.vehicle[now])],
@@ -148,14 +148,14 @@ def _longest_gap_s(evidence: Evidence, last: int, now: int) -> float:
     return float(evidence.history.since_s[last : now + 1].max())
 
 
-def _losses(evidence: Evidence, tracks: _Tracks) -> Iterator[Failure]:
+def _losses(evidence: Evidence, tracks: _Tracks) -> Iterator[TrackFailure]:
     rows, truth = evidence.rows, evidence.rows.truth
     kept = scored_rows(rows, evidence.history, evidence.settings)
     lost = np.zeros(len(truth), dtype=bool)
     lost[kept[(evidence.errors.outcome == LOST) & (evidence.errors.state == HIDDEN)]] = True
     for begin in _beginnings(lost, truth.vehicle, evidence.matching.holder):
         holder = int(evidence.matching.holder[begin])
-        yield Failure(
+        yield TrackFailure(
             LOSS,
             tracks.end_of(holder),
             tracks.name[int(truth.vehicle[begin])],
@@ -184,8 +184,8 @@ class Why:
         folder_b: Folder of the second.
     """
 
-    a: tuple[Failure, ...]
-    b: tuple[Failure, ...]
+    a: tuple[TrackFailure, ...]
+    b: tuple[TrackFailure, ...]
     folder_a: str
     folder_b: str
 
@@ -194,12 +194,12 @@ class Why:
         return {"a": counted(self.a), "b": counted(self.b)}
 
 
-def link_to(folder: str, failure: Failure) -> str:
+def link_to(folder: str, failure: TrackFailure) -> str:
     """Return the address of the moment in the run's replay, a second before it."""
     return f"{quote(folder)}/report.html{moment_of(failure)}"
 
 
-def moment_of(failure: Failure) -> str:
+def moment_of(failure: TrackFailure) -> str:
     """Return what the address of a replay ends in where it shows the failure, from a second before it."""
     vehicle = quote(failure.vehicle_id, safe="")
     return f"#t={max(0.0, failure.time_s - 1.0):.1f}&vehicle={vehicle}"

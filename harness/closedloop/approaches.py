@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from harness.closedloop.beliefs import ego_of, true_bodies
-from harness.closedloop.routes import Way, edge_of
+from harness.closedloop.routes import EgoRoute, edge_of
 from harness.closedloop.sight import SEEN_OFTEN, is_hidden, moments_in_sight
-from harness.closedloop.traffic import Traffic, row_of, with_ego
+from harness.closedloop.traffic import LiveTraffic, row_of, with_ego
 from harness.config.sensor import SensorSettings
-from harness.decisions.crossings import Conflict, Lanes, crossings_of, yields_on
+from harness.decisions.crossings import Conflict, LaneChain, crossings_of, yields_on
 from harness.decisions.yielding import EgoPath, meets, on_way, room_before, windows_of
 from harness.truth.frame import Frame
 
@@ -18,7 +18,9 @@ SOON_S = 5.0
 NOBODY = "", False
 
 
-def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: SensorSettings) -> tuple[str, bool]:
+def hidden_with_right_of_way(
+    traffic: LiveTraffic, row: int, way: EgoRoute, settings: SensorSettings
+) -> tuple[str, bool]:
     """Return a hidden car that a car which comes up to its path must let pass, and whether it had been in sight.
 
     Both would be at the place of conflict within the margin if the one went on as it would on a free road, and the
@@ -39,7 +41,7 @@ def hidden_with_right_of_way(traffic: Traffic, row: int, way: Way, settings: Sen
     assert graph is not None
     ego = str(frames[-1].vehicle_id[row])
     now = with_ego(frames[-1], ego, frames[-1].step, traffic.step_s)
-    lanes = Lanes.of(graph, way.lanes)
+    lanes = LaneChain.of(graph, way.lanes)
     course, yields = EgoPath.of(lanes, ego_of(now)), yields_on(graph, lanes)
     if not yields or not _comes_up_first(course, float(lanes.begins_m[yields[0][0]]), now):
         return NOBODY
@@ -75,7 +77,7 @@ def _in_range(now: Frame, name: str, settings: SensorSettings) -> bool:
     return bool(away_m <= settings.range_m)
 
 
-def _takes(traffic: Traffic, name: str, conflict: Conflict) -> bool:
+def _takes(traffic: LiveTraffic, name: str, conflict: Conflict) -> bool:
     """Return whether a vehicle's route goes the way that has right of way."""
     graph = traffic.network.road.graph
     assert graph is not None

@@ -17,7 +17,7 @@ from harness.common.charts import draw_charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
-from harness.grid.cells import Cell, Grid
+from harness.grid.cells import Cell, GridPlan
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, keeping, make_rows
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.result_rows import assemble
@@ -119,7 +119,7 @@ def run_drives(
     )
 
 
-def _check(grid: Grid, user: Telling) -> None:
+def _check(grid: GridPlan, user: Telling) -> None:
     """Find a wrong network, sensor, tracker or driver before anything is driven.
 
     Raises:
@@ -131,7 +131,7 @@ def _check(grid: Grid, user: Telling) -> None:
         raise InputError(str(error).replace("`tracker`", "`perception`")) from error.__cause__
 
 
-def _check_road(request: DriveRequest, grid: Grid) -> None:
+def _check_road(request: DriveRequest, grid: GridPlan) -> None:
     """Find a road on which nothing can be made to flow at a speed, to stand in the way, or to cross.
 
     Raises:
@@ -144,7 +144,7 @@ def _check_road(request: DriveRequest, grid: Grid) -> None:
         _ = load_network(request.net).main_road
 
 
-def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[str, Row]) -> FinishedDrives:
+def _write_outcome(grid: GridPlan, request: DriveRequest, out: Path, rows: Mapping[str, Row]) -> FinishedDrives:
     table = assemble(grid, rows)
     failures = [
         {"key": run.key, "error": rows[run.key]["error"]} for run in grid.runs if not rows[run.key]["succeeded"]
@@ -169,7 +169,7 @@ def _write_outcome(grid: Grid, request: DriveRequest, out: Path, rows: Mapping[s
     return FinishedDrives(out, text, summary, tuple(shown))
 
 
-def _hardest(grid: Grid, table: pd.DataFrame) -> list[str]:
+def _hardest(grid: GridPlan, table: pd.DataFrame) -> list[str]:
     """Return the keys of the collisions that get a page."""
     collided = column_of(table, COLLIDED) > 0.0
     keyed = table.assign(key=[run.key for run in grid.runs])[collided]

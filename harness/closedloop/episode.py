@@ -29,7 +29,7 @@ from harness.closedloop.inview import SeldomDetected
 from harness.closedloop.passing import Passage
 from harness.closedloop.plan import CROSS, DRIVEN_S, STREAMS, TRACKED_S, PlannedDrive
 from harness.closedloop.steering import Steering
-from harness.closedloop.traffic import Traffic, with_ego
+from harness.closedloop.traffic import LiveTraffic, with_ego
 from harness.closedloop.withheld_ahead import PlainSight
 from harness.decisions.belief import Belief, Others, believe
 from harness.decisions.bodies import Bodies, Egos
@@ -46,7 +46,7 @@ from harness.scoring.metrics.closedloop import (
     OFF_THE_ROAD,
     WAY_ENDED,
     Contact,
-    Driven,
+    DriveRecord,
     score_crossing,
     score_drive,
 )
@@ -87,7 +87,7 @@ class EpisodeResult:
     evaluated: Evaluated | None
 
 
-def run_episode(traffic: Traffic, at: EpisodeStart, planned: PlannedDrive) -> EpisodeResult:
+def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -> EpisodeResult:
     """Drive an episode from its start on; the simulation is used up.
 
     Args:
@@ -154,7 +154,7 @@ def _perception(belief: str, road: Road, rng: np.random.Generator, step_s: float
 class _Loop:
     """The ego and its traffic, step by step: looks go out, tracks come in, and what the driver does is done."""
 
-    traffic: Traffic
+    traffic: LiveTraffic
     at: EpisodeStart
     planned: PlannedDrive
     driver: Driver
@@ -264,10 +264,10 @@ class _Loop:
         both = with_doubt(decision, decided(bodies)) if bodies.has_doubtful else decision.command.accel_mps2
         return float(both[0]), believe(sure, ego, road).leader
 
-    def driven(self) -> Driven:
+    def driven(self) -> DriveRecord:
         """Return the steps from the start of the episode on."""
         speed, gap, leader, demanded, needed, withheld = np.array(self._steps).T
-        return Driven(speed, gap, leader, demanded, needed, self.traffic.step_s, withheld > 0.0)
+        return DriveRecord(speed, gap, leader, demanded, needed, self.traffic.step_s, withheld > 0.0)
 
     def _look(self, frame: Frame) -> Look:
         """Let the sensor look; what it draws depends on the episode and the step alone, whatever was drawn before."""

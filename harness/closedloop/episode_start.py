@@ -15,9 +15,9 @@ from harness.closedloop.approaches import hidden_with_right_of_way
 from harness.closedloop.beliefs import believed_by_each, ego_of, true_bodies
 from harness.closedloop.inview import CHANGES_LANE_MPS, FARTHEST_LEADER_M, leader_in_view, stands_ahead
 from harness.closedloop.plan import BRAKE, CROSS, DARK, DRIVEN_S, FREE, STOPPED, STREAMS, TRACKED_S
-from harness.closedloop.routes import Way, edge_of, way_of
+from harness.closedloop.routes import EgoRoute, edge_of, way_of
 from harness.closedloop.sight import hidden_after_sight
-from harness.closedloop.traffic import Traffic, with_ego
+from harness.closedloop.traffic import LiveTraffic, with_ego
 from harness.config.sensor import SensorSettings
 from harness.decisions.belief import NOBODY, Belief, believe
 from harness.truth.frame import Frame
@@ -66,7 +66,7 @@ class EpisodeStart:
     candidates: int
     looked_through: int
     frames: tuple[Frame, ...]
-    way: Way | None = None
+    way: EgoRoute | None = None
     seen_before: bool | None = None
     stands: Placement | None = None
 
@@ -77,7 +77,7 @@ class EpisodeStart:
 
 
 def episode_starts(
-    traffic: Traffic,
+    traffic: LiveTraffic,
     kinds: Sequence[str],
     settings: SensorSettings,
     rng: np.random.Generator,
@@ -111,14 +111,14 @@ def episode_starts(
     yield from (*waiting, *hopeless)
 
 
-def _has_right_of_way(traffic: Traffic) -> bool:
+def _has_right_of_way(traffic: LiveTraffic) -> bool:
     """Return whether anybody must yield anywhere on the network but at signals."""
     graph = traffic.network.road.graph
     return graph is not None and graph.control is not None and bool((graph.control.kind == YIELD).any())
 
 
 def _find(
-    traffic: Traffic,
+    traffic: LiveTraffic,
     kind: str,
     settings: SensorSettings,
     rng: np.random.Generator,
@@ -162,7 +162,7 @@ class _Concerned:
 
 
 def _standing(
-    traffic: Traffic, settings: SensorSettings, rows: IntArray, rng: np.random.Generator, flow_mps: float | None
+    traffic: LiveTraffic, settings: SensorSettings, rows: IntArray, rng: np.random.Generator, flow_mps: float | None
 ) -> Callable[[int], _Concerned]:
     """Return a function that gives, for each of some cars, where a vehicle would stand in its way."""
     vehicle = drawn_car(traffic.network, rng)
@@ -175,7 +175,7 @@ def _standing(
 
 
 def _concerned(
-    traffic: Traffic, kind: str, settings: SensorSettings, rows: IntArray, ways: Mapping[int, Way]
+    traffic: LiveTraffic, kind: str, settings: SensorSettings, rows: IntArray, ways: Mapping[int, EgoRoute]
 ) -> Callable[[int], _Concerned]:
     """Return a function that gives, for each of some cars, the vehicle that a provocation would act on."""
     now, road = traffic.frames[-1], traffic.network.road
@@ -198,7 +198,7 @@ def _concerned(
     return lambda _: _Concerned()
 
 
-def _eligible(traffic: Traffic) -> IntArray:
+def _eligible(traffic: LiveTraffic) -> IntArray:
     """Return the rows of the present frame that can be the ego: cars with a history that stay in a main lane."""
     now, network, sumo = traffic.frames[-1], traffic.network, traffic.running.sumo
     start_m, end_m = network.section_m
@@ -210,19 +210,19 @@ def _eligible(traffic: Traffic) -> IntArray:
     return np.array(stays, dtype=np.int64)
 
 
-def _free_ways(traffic: Traffic) -> dict[int, Way]:
+def _free_ways(traffic: LiveTraffic) -> dict[int, EgoRoute]:
     """Return the ways of the rows that may be the ego where there is no main road: some seconds of each are free."""
     now, graph = traffic.frames[-1], traffic.network.road.graph
     assert graph is not None
 
-    def is_free(row: int, way: Way) -> bool:
+    def is_free(row: int, way: EgoRoute) -> bool:
         left_m = way.left_m(graph, int(now.lane[row]) - 1, float(now.lon_m[row]), float(now.lat_m[row]))
         return left_m > FREE_WAY_S * float(now.speed_mps[row])
 
     return {row: way for row, way in _ways(traffic).items() if is_free(row, way)}
 
 
-def _ways(traffic: Traffic) -> dict[int, Way]:
+def _ways(traffic: LiveTraffic) -> dict[int, EgoRoute]:
     """Return the ways of the cars that drive with a past and are on no junction, by their rows."""
     now, road, sumo = traffic.frames[-1], traffic.network.road, traffic.running.sumo
     graph = road.graph
@@ -238,7 +238,7 @@ def _ways(traffic: Traffic) -> dict[int, Way]:
     return ways
 
 
-def _driving_cars(traffic: Traffic) -> BoolArray:
+def _driving_cars(traffic: LiveTraffic) -> BoolArray:
     """Return which of the present frame are cars that drive and have been there for all of the tracking seconds."""
     now = traffic.frames[-1]
     cars = (now.length_m >= CAR_LENGTH_M[0]) & (now.length_m <= CAR_LENGTH_M[1]) & (now.speed_mps >= SLOWEST_MPS)
@@ -248,7 +248,7 @@ def _driving_cars(traffic: Traffic) -> BoolArray:
     return np.asarray(cars & np.isin(now.vehicle_id, list(always)))
 
 
-def _second_on_way(traffic: Traffic, row: int, way: Way, settings: SensorSettings) -> str:
+def _second_on_way(traffic: LiveTraffic, row: int, way: EgoRoute, settings: SensorSettings) -> str:
     """Return a hidden leader's leader on an ego's way; see ``_hidden_second_leader``."""
     now = traffic.frames[-1]
     mine = with_ego(now, str(now.vehicle_id[row]), now.step, traffic.step_s)
@@ -259,7 +259,7 @@ def _second_on_way(traffic: Traffic, row: int, way: Way, settings: SensorSetting
     return _hidden_second_leader(traffic, replace(belief, leaders=replace(leaders, body=rows)), 0, row, settings)
 
 
-def _hidden_second_leader(traffic: Traffic, belief: Belief, place: int, row: int, settings: SensorSettings) -> str:
+def _hidden_second_leader(traffic: LiveTraffic, belief: Belief, place: int, row: int, settings: SensorSettings) -> str:
     """Return the leader's leader if it is hidden now, moves, and was in sight before; else an empty name."""
     now = traffic.frames[-1]
     first, second = (belief.leaders.body[place, rank] for rank in (0, 1))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.closedloop.sight import SEEN_EVERY, visible_fraction
-from harness.closedloop.traffic import Traffic
+from harness.closedloop.traffic import LiveTraffic
 from harness.config.sensor import SensorSettings
 from harness.decisions.belief import Belief
 from harness.sensor.observation import Observation, Sensor
@@ -36,7 +36,7 @@ SLOWEST_LEADER_MPS = 5.0
 
 
 def stands_ahead(
-    traffic: Traffic, row: int, range_m: float, vehicle: Vehicle, flow_mps: float | None
+    traffic: LiveTraffic, row: int, range_m: float, vehicle: Vehicle, flow_mps: float | None
 ) -> Placement | None:
     """Return where a vehicle can be put that stands in a car's lane, out of its sensor's range but soon in plain view.
 
@@ -73,7 +73,7 @@ def stands_ahead(
     return stands if 0 <= lane < corridor.main_lanes and stands_m > front_m + range_m else None
 
 
-def leader_in_view(traffic: Traffic, belief: Belief, place: int, row: int, settings: SensorSettings) -> str:
+def leader_in_view(traffic: LiveTraffic, belief: Belief, place: int, row: int, settings: SensorSettings) -> str:
     """Return the leader of a car if it drives near ahead and has been in plain view throughout; else an empty name.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.decisions.belief import Belief
 from harness.decisions.bodies import Bodies
-from harness.decisions.crossings import Crossing, Lanes, crossings_of
+from harness.decisions.crossings import Crossing, LaneChain, crossings_of
 from harness.decisions.yielding import EgoPath, room_before, unseen_in_conflict, who_conflicts, with_standing_leader
 from harness.scoring.driving.encroachment import Encounter, TimedPath, encounter
 from harness.scoring.metrics.closedloop import HARD_BRAKE_MPS2, Contact, Crossed
@@ -31,7 +31,7 @@ class Passage:
         heed: From which probability of an unseen vehicle in its way on the ego holds; None for never.
     """
 
-    way: Lanes
+    way: LaneChain
     crossings: tuple[Crossing, ...]
     step_s: float
     heed: float | None = None
@@ -45,7 +45,7 @@ class Passage:
     @classmethod
     def over(cls, graph: LaneGraph, lanes: tuple[int, ...], step_s: float, heed: float | None = None) -> Passage:
         """Return the passage over some lanes."""
-        way = Lanes.of(graph, lanes)
+        way = LaneChain.of(graph, lanes)
         return cls(way, crossings_of(graph, way), step_s, heed)
 
     def room_m(self, course: EgoPath, bodies: Bodies, unseen: Unseen | None = None) -> float | None:

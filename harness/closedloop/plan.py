@@ -19,7 +19,7 @@ from harness.common.errors import InputError
 from harness.config.lists import MOST_SEED, names
 from harness.config.model import RunConfig, TrafficConfig
 from harness.config.options import setting_of, setting_words
-from harness.grid.cells import Cell, Grid, PlannedRun
+from harness.grid.cells import Cell, GridPlan, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 
 FREE, BRAKE, CROSS, STOPPED, DARK = "free", "brake", "cross", "stopped", "dark"
@@ -120,7 +120,7 @@ class PlannedDrive(PlannedRun):
         return super().identity() | own
 
 
-def plan_drives(request: DriveRequest) -> Grid:
+def plan_drives(request: DriveRequest) -> GridPlan:
     """Turn what the user wrote into drives, each with a checked configuration.
 
     Raises:
@@ -153,7 +153,7 @@ def plan_drives(request: DriveRequest) -> Grid:
             for belief in beliefs
         )
         cells.append(Cell(tuple(drives)))
-    return Grid(tuple(cells), AXES)
+    return GridPlan(tuple(cells), AXES)
 
 
 def flow_of(cell: Cell) -> float | None:

@@ -16,7 +16,7 @@ FARTHEST_M = 1000.0
 
 
 @dataclass(frozen=True)
-class Way:
+class EgoRoute:
     """Consecutive lanes from the ego's own lane on.
 
     Attributes:
@@ -36,7 +36,7 @@ class Way:
         return float(sum(self.length_m[place:]) - along_m[0])
 
 
-def way_of(graph: LaneGraph, lane: int, edges: Sequence[str]) -> Way:
+def way_of(graph: LaneGraph, lane: int, edges: Sequence[str]) -> EgoRoute:
     """Return the way from a lane on.
 
     Args:
@@ -51,7 +51,7 @@ def way_of(graph: LaneGraph, lane: int, edges: Sequence[str]) -> Way:
             break
         lanes += path
         ahead_m += float(sum(graph.length_m[number] for number in path))
-    return Way(tuple(lanes), tuple(float(graph.length_m[number]) for number in lanes))
+    return EgoRoute(tuple(lanes), tuple(float(graph.length_m[number]) for number in lanes))
 
 
 def edge_of(graph: LaneGraph, lane: int) -> str:

@@ -13,7 +13,7 @@ from harness.truth.network.network import Network
 from harness.truth.sumo.simulation import SumoTruth
 
 
-class Traffic:
+class LiveTraffic:
     """A simulation that is read step by step, with the frames of the last seconds.
 
     Attributes:

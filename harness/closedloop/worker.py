@@ -23,14 +23,14 @@ import numpy as np
 from harness.closedloop.episode import run_episode
 from harness.closedloop.episode_start import EpisodeStart, episode_starts
 from harness.closedloop.plan import PlannedDrive, flow_of
-from harness.closedloop.traffic import Traffic
+from harness.closedloop.traffic import LiveTraffic
 from harness.common.errors import InputError, RunError
-from harness.common.isolation import DIES_WITH_PARENT, Limits, streamed
+from harness.common.isolation import DIES_WITH_PARENT, ProcessLimits, streamed
 from harness.grid.cells import Cell
 from harness.grid.result_rows import failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Message, Report, Started, serve
 from harness.running.evaluate import evaluation_of, write_run
-from harness.running.looks import Looks, Streams
+from harness.running.looks import Looks, RandomStreams
 from harness.scoring.metrics.closedloop import NO_CANDIDATE
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
@@ -40,7 +40,7 @@ from harness.truth.network.network import is_in_the_box, load_network
 from harness.truth.sumo.simulation import SumoTruth, open_traffic
 
 T = TypeVar("T")
-DRIVING = Limits(memory_bytes=8 << 30, cpu_s=120, file_bytes=8 << 30)
+DRIVING = ProcessLimits(memory_bytes=8 << 30, cpu_s=120, file_bytes=8 << 30)
 """Of a cell on a network from elsewhere, whose trackers are in its process."""
 REHEARSED_STEPS = 3
 CHOICES = 9
@@ -96,7 +96,7 @@ def _work_on(cell: Cell, report: Callable[[Any], None], on_step: Callable[[], No
 
 
 @contextmanager
-def opened(cell: Cell, on_step: Callable[[], None] = lambda: None) -> Iterator[Traffic]:
+def opened(cell: Cell, on_step: Callable[[], None] = lambda: None) -> Iterator[LiveTraffic]:
     """Yield the warmed-up traffic of a cell, and end it."""
     config = cell.config
     network = load_network(config.traffic.net)
@@ -104,7 +104,7 @@ def opened(cell: Cell, on_step: Callable[[], None] = lambda: None) -> Iterator[T
         network,
         demand=config.traffic.density if config.traffic.demand is None else config.traffic.demand,
         duration_s=0.0,
-        seed=Streams.from_seed(config.seed).truth,
+        seed=RandomStreams.from_seed(config.seed).truth,
         ego=False,
         broken_down=config.traffic.broken_down,
         flow_mps=flow_of(cell),
@@ -112,7 +112,7 @@ def opened(cell: Cell, on_step: Callable[[], None] = lambda: None) -> Iterator[T
     )
     try:
         assert isinstance(truth, SumoTruth)
-        yield Traffic(truth, network)
+        yield LiveTraffic(truth, network)
     finally:
         truth.close()
 
@@ -162,14 +162,14 @@ def _answer(work: Callable[[], object], reading: int, writing: int) -> None:
         os._exit(code)
 
 
-def _episodes(traffic: Traffic, cell: Cell) -> Iterator[EpisodeStart | str]:
+def _episodes(traffic: LiveTraffic, cell: Cell) -> Iterator[EpisodeStart | str]:
     kinds = list(dict.fromkeys(run.kind for run in cell.runs if isinstance(run, PlannedDrive)))
     sensor = cell.config.sensor
     rng = np.random.default_rng(np.random.SeedSequence(cell.config.seed, spawn_key=(CHOICES,)))
     return episode_starts(traffic, kinds, sensor_settings(sensor.profile, sensor.overrides), rng, flow_of(cell))
 
 
-def _driven(traffic: Traffic, at: EpisodeStart, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:
+def _driven(traffic: LiveTraffic, at: EpisodeStart, run: PlannedDrive, keep_in: Path | None, report: Report) -> Row:
     """Return the row of one drive; of one that ends in a collision a run folder is kept."""
     begin = perf_counter()
     try:
@@ -190,7 +190,7 @@ def _no_candidate(run: PlannedDrive) -> Row:
     return finished_row(run, {"drive": {"ended": NO_CANDIDATE}}, 0.0) | {"total_s": None}
 
 
-def _rehearse(traffic: Traffic, at: EpisodeStart, run: PlannedDrive) -> None:
+def _rehearse(traffic: LiveTraffic, at: EpisodeStart, run: PlannedDrive) -> None:
     """Load and compile here what a tracker needs, for all forks to come."""
     config = run.config
     sensor, road = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides)), traffic.network.road

@@ -46,7 +46,7 @@ _within: ContextVar[bool] = ContextVar("_within", default=False)
 
 
 @dataclass(frozen=True)
-class Limits:
+class ProcessLimits:
     """What a fork may use.
 
     Attributes:
@@ -60,7 +60,7 @@ class Limits:
     file_bytes: int = MB
 
     @classmethod
-    def for_files(cls, files: Iterable[Path]) -> Limits:
+    def for_files(cls, files: Iterable[Path]) -> ProcessLimits:
         """Return limits in proportion with what files take on the disk, however much they hold when unpacked."""
         told = [file.stat() for file in files if file.is_file()]
         # A file with holes is larger than what it takes.
@@ -68,7 +68,7 @@ class Limits:
         return cls(cls.memory_bytes + 12 * size, cls.cpu_s + 2 * (size // MB))
 
 
-def isolated(work: Callable[[], T], place: str, limits: Limits = Limits()) -> T:
+def isolated(work: Callable[[], T], place: str, limits: ProcessLimits = ProcessLimits()) -> T:
     """Return what work returns that is done in a fork without any rights.
 
     Args:
@@ -91,7 +91,7 @@ def isolated(work: Callable[[], T], place: str, limits: Limits = Limits()) -> T:
 def streamed(
     work: Callable[[Send[T]], object],
     place: str,
-    limits: Limits = Limits(),
+    limits: ProcessLimits = ProcessLimits(),
     folders: Sequence[Path] = (),
 ) -> Generator[T]:
     """Yield what work sends that is done in a fork, as ``isolated`` does it; within a fork it is done there.
@@ -183,7 +183,7 @@ def confine(folders: Sequence[Path], *, offline: bool = True) -> bool:
 
 
 def _work(
-    work: Callable[[Send[Any]], object], writing: int, limits: Limits, folders: Sequence[Path], owner: int
+    work: Callable[[Send[Any]], object], writing: int, limits: ProcessLimits, folders: Sequence[Path], owner: int
 ) -> NoReturn:
     """Do the work of a fork and end it, whatever comes."""
     try:
@@ -235,7 +235,7 @@ def _work(
         os._exit(0)
 
 
-def _limit(limits: Limits, folders: Sequence[Path]) -> None:
+def _limit(limits: ProcessLimits, folders: Sequence[Path]) -> None:
     with open("/proc/self/statm", encoding="ascii") as told:
         begins_with = int(told.read().split()[5]) * resource.getpagesize()
     most = {
@@ -256,7 +256,7 @@ def _limit(limits: Limits, folders: Sequence[Path]) -> None:
     confine(folders)
 
 
-def _renew_cpu(limits: Limits) -> None:
+def _renew_cpu(limits: ProcessLimits) -> None:
     used = resource.getrusage(resource.RUSAGE_SELF)
     resource.setrlimit(
         resource.RLIMIT_CPU,
@@ -298,7 +298,7 @@ def _write(writing: int, content: bytes | memoryview) -> None:
         left = left[os.write(writing, left) :]
 
 
-def _in_words(status: int, limits: Limits) -> str:
+def _in_words(status: int, limits: ProcessLimits) -> str:
     """Return how a fork ended that did not say so."""
     code = -os.waitstatus_to_exitcode(status)
     if code == signal.SIGXCPU:
@@ -307,5 +307,5 @@ def _in_words(status: int, limits: Limits) -> str:
     return f"the program that reads it crashed over it ({name}), or {_too_much_memory(limits)}"
 
 
-def _too_much_memory(limits: Limits) -> str:
+def _too_much_memory(limits: ProcessLimits) -> str:
     return f"it needs more than {limits.memory_bytes / (1024 * MB):.1f} GB of memory"

@@ -21,7 +21,7 @@ SAME_END_M = 1.0
 
 
 @dataclass(frozen=True)
-class Lanes:
+class LaneChain:
     """Consecutive lanes as one line.
 
     Attributes:
@@ -37,7 +37,7 @@ class Lanes:
     limit_mps: FloatArray
 
     @classmethod
-    def of(cls, graph: LaneGraph, lanes: Sequence[int]) -> Lanes:
+    def of(cls, graph: LaneGraph, lanes: Sequence[int]) -> LaneChain:
         """Return the lanes of a graph as one line."""
         lines = [graph.line(lane) for lane in lanes]
         points = np.concatenate(lines)
@@ -70,7 +70,7 @@ class Conflict:
         merges: Whether both leave the junction by the same lane.
     """
 
-    way: Lanes
+    way: LaneChain
     own_m: tuple[float, float]
     other_m: tuple[float, float]
     merges: bool
@@ -99,7 +99,7 @@ class Crossing:
         return max(conflict.own_m[1] for conflict in self.conflicts)
 
 
-def crossings_of(graph: LaneGraph, way: Lanes) -> tuple[Crossing, ...]:
+def crossings_of(graph: LaneGraph, way: LaneChain) -> tuple[Crossing, ...]:
     """Return the places on a way where it must yield, the nearest first."""
     control = graph.control
     if control is None or not (links := yields_on(graph, way)):
@@ -114,7 +114,7 @@ def crossings_of(graph: LaneGraph, way: Lanes) -> tuple[Crossing, ...]:
     return tuple(found)
 
 
-def yields_on(graph: LaneGraph, way: Lanes) -> list[tuple[int, int]]:
+def yields_on(graph: LaneGraph, way: LaneChain) -> list[tuple[int, int]]:
     """Return the links on a way that must yield, each with the place on the way of the lane that it leads to."""
     found = []
     for place, (lane, following) in enumerate(zip(way.lanes, way.lanes[1:], strict=False), start=1):
@@ -125,7 +125,7 @@ def yields_on(graph: LaneGraph, way: Lanes) -> list[tuple[int, int]]:
     return found
 
 
-def _way_over(graph: LaneGraph, link: int, before: list[list[int]]) -> Lanes:
+def _way_over(graph: LaneGraph, link: int, before: list[list[int]]) -> LaneChain:
     """Return the way over a link: as straight an approach as there is, and the junction."""
     lanes = [int(graph.link_from[link]), int(graph.successor[link])]
     while graph.in_junction[lanes[-1]]:
@@ -138,10 +138,10 @@ def _way_over(graph: LaneGraph, link: int, before: list[list[int]]) -> Lanes:
     while ahead_m < APPROACH_M and before[lanes[0]]:
         lanes.insert(0, next_lane(lanes[0], before[lanes[0]], set(lanes), graph, back=True))
         ahead_m += float(graph.length_m[lanes[0]])
-    return Lanes.of(graph, lanes)
+    return LaneChain.of(graph, lanes)
 
 
-def _conflict(graph: LaneGraph, way: Lanes, place: int, other: Lanes) -> Conflict | None:
+def _conflict(graph: LaneGraph, way: LaneChain, place: int, other: LaneChain) -> Conflict | None:
     """Return where another way meets the ego's from one of its lanes on to the junction's end; None for nowhere."""
     end = place
     while end < len(way.lanes) and graph.in_junction[way.lanes[end]]:

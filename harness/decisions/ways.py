@@ -20,7 +20,7 @@ MOST_LANES = 64
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedBodies:
     """Bodies along a way.
 
     Attributes:
@@ -97,7 +97,7 @@ class Ways:
     line: IntArray
     lines: list[Line] = field(default_factory=list)
 
-    def places(self, egos: Egos, bodies: Bodies, within_m: float) -> Iterator[Placed]:
+    def places(self, egos: Egos, bodies: Bodies, within_m: float) -> Iterator[PlacedBodies]:
         """Yield the bodies near the ego, projected on the route of their step."""
         away = np.hypot(bodies.lon_m - egos.lon_m[bodies.step], bodies.lat_m - egos.lat_m[bodies.step])
         near = (away <= within_m) & self.exists[bodies.step]
@@ -107,7 +107,9 @@ class Ways:
             turn = bodies.direction_rad[body] - heading
             # What is heading nowhere in particular is taken to go along.
             share = np.where(np.isfinite(turn), np.cos(turn), 1.0)
-            yield Placed(body, along - self.ego_along_m[bodies.step[body]], across, share * bodies.speed_mps[body])
+            yield PlacedBodies(
+                body, along - self.ego_along_m[bodies.step[body]], across, share * bodies.speed_mps[body]
+            )
 
 
 def ways_of(egos: Egos, graph: LaneGraph) -> tuple[Ways, Ways, Ways]:

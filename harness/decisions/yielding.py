@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.decisions.belief import NOBODY, Belief, Others
 from harness.decisions.bodies import Bodies, Egos
-from harness.decisions.crossings import Conflict, Crossing, Lanes
+from harness.decisions.crossings import Conflict, Crossing, LaneChain
 from harness.decisions.drivers.following import PARAMETERS, SAFE_DECEL_MPS2
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.undetected.intensity import Unseen, UnseenOptions
@@ -29,7 +29,7 @@ UNSEEN_LENGTH_M = UnseenOptions().length_m
 
 
 @dataclass(frozen=True)
-class Windows:
+class TimeWindows:
     """When vehicles may be at a place, seconds from now, shape (k,); infinite for never.
 
     Attributes:
@@ -52,13 +52,13 @@ class EgoPath:
         length_m: Its length.
     """
 
-    way: Lanes
+    way: LaneChain
     along_m: float
     speed_mps: float
     length_m: float
 
     @classmethod
-    def of(cls, way: Lanes, ego: Egos) -> EgoPath:
+    def of(cls, way: LaneChain, ego: Egos) -> EgoPath:
         """Return where an ego, at a single step, is on its way."""
         along_m = way.line.project(ego.lon_m, ego.lat_m)[0]
         return cls(way, float(along_m[0]), float(ego.speed_mps[0]), float(ego.length_m[0]))
@@ -106,7 +106,7 @@ def windows_of(
     speed_mps: FloatArray,
     length_m: FloatArray,
     limit_mps: FloatArray,
-) -> Windows:
+) -> TimeWindows:
     """Return when vehicles may be at a place of their way.
 
     They come as early as they can if they speed up to the limit, and leave as late as they do if they go on as now.
@@ -128,10 +128,10 @@ def windows_of(
         beyond = speeding_s + (to_enter - speeding_m) / np.maximum(speed_mps, limit_mps)
         leave = np.where(to_leave > 0.0, to_leave / speed_mps, -np.inf)
     enter = np.where(to_leave > 0.0, np.where(to_enter < speeding_m, within, beyond), np.inf)
-    return Windows(enter, leave)
+    return TimeWindows(enter, leave)
 
 
-def meets(course: EgoPath, conflict: Conflict, windows: Windows, speed_mps: FloatArray) -> BoolArray:
+def meets(course: EgoPath, conflict: Conflict, windows: TimeWindows, speed_mps: FloatArray) -> BoolArray:
     """Return whose windows meet the ego's, shape (k,).
 
     Where ways merge, who comes behind the ego must besides be able to slow down to its speed by a braking that a gap
@@ -155,7 +155,7 @@ def who_conflicts(course: EgoPath, crossing: Crossing, bodies: Bodies) -> BoolAr
     return found
 
 
-def on_way(way: Lanes, bodies: Bodies) -> tuple[IntArray, FloatArray, FloatArray]:
+def on_way(way: LaneChain, bodies: Bodies) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return which bodies are on a way, their arc lengths and their speeds along it, each (k,)."""
     along, across, heading = way.line.project(bodies.lon_m, bodies.lat_m)
     turn = wrapped(bodies.direction_rad - heading)
@@ -204,6 +204,6 @@ def with_standing_leader(belief: Belief, gap_m: float) -> Belief:
     return replace(belief, leaders=Others(gaps[order][None], speeds[order][None], body[order].astype(np.int64)[None]))
 
 
-def _limits(way: Lanes, along_m: FloatArray) -> FloatArray:
+def _limits(way: LaneChain, along_m: FloatArray) -> FloatArray:
     lane = np.clip(np.searchsorted(way.begins_m, along_m, side="right") - 1, 0, len(way.limit_mps) - 1)
     return np.asarray(way.limit_mps[lane])

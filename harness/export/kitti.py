@@ -32,7 +32,7 @@ from harness.truth.recorded.detected.kitti import (
     sequences,
 )
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
-from harness.truth.recorded.detected.recorded_drive import Boxes, step_starts
+from harness.truth.recorded.detected.recorded_drive import RecordedBoxes, step_starts
 from harness.truth.recorded.formats import least_score_of
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
@@ -47,7 +47,7 @@ class _Sequence:
     """A sequence's detections, as the camera and as the plane has them, and the camera's way."""
 
     rows: FloatArray
-    boxes: Boxes
+    boxes: RecordedBoxes
     way: CameraWay
     starts: IntArray
     height_m: FloatArray

@@ -21,7 +21,7 @@ NO_STRIP = -1
 
 
 @dataclass(frozen=True)
-class LaneLine:
+class LanePolyline:
     """A line along the road.
 
     Attributes:
@@ -44,7 +44,7 @@ class LaneLine:
 
 
 @dataclass(frozen=True)
-class Strip:
+class LaneStrip:
     """A lane between two lines.
 
     Attributes:
@@ -63,7 +63,7 @@ class Strip:
 
 
 @dataclass(frozen=True)
-class Lanes:
+class DrivenLanes:
     """The lanes of a stretch of road.
 
     Attributes:
@@ -72,8 +72,8 @@ class Lanes:
         road: The road.
     """
 
-    lines: tuple[LaneLine, ...]
-    strips: tuple[Strip, ...]
+    lines: tuple[LanePolyline, ...]
+    strips: tuple[LaneStrip, ...]
     road: Road
 
     def strip_at(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
@@ -86,7 +86,7 @@ class Lanes:
         return found
 
 
-def lanes_of(run: RecordedRun) -> Lanes:
+def lanes_of(run: RecordedRun) -> DrivenLanes:
     """Return the lanes of a run's road where vehicles drove, and 100 m more."""
     lon_m = floats(run.truth, "lon_m")
     first_m, last_m = (float(lon_m.min()) - BEYOND_M, float(lon_m.max()) + BEYOND_M) if len(lon_m) else (0.0, BEYOND_M)
@@ -95,19 +95,19 @@ def lanes_of(run: RecordedRun) -> Lanes:
         for lane in sorted(run.road.lanes, key=lambda lane: (-lane.left_m, lane.start_m))
     ]
     lanes = [lane for lane in lanes if lane.end_m - lane.start_m > SAME_M]
-    numbers: dict[LaneLine, int] = {}
+    numbers: dict[LanePolyline, int] = {}
     sides = [
         tuple(
-            numbers.setdefault(LaneLine(round(side, 3), round(lane.start_m, 3), round(lane.end_m, 3)), len(numbers))
+            numbers.setdefault(LanePolyline(round(side, 3), round(lane.start_m, 3), round(lane.end_m, 3)), len(numbers))
             for side in (lane.left_m, lane.right_m)
         )
         for lane in lanes
     ]
     strips = [
-        Strip(lane, left, right, _beside(lane, lanes, is_left=True), _beside(lane, lanes, is_left=False))
+        LaneStrip(lane, left, right, _beside(lane, lanes, is_left=True), _beside(lane, lanes, is_left=False))
         for lane, (left, right) in zip(lanes, sides, strict=True)
     ]
-    return Lanes(tuple(numbers), tuple(strips), run.road)
+    return DrivenLanes(tuple(numbers), tuple(strips), run.road)
 
 
 def _beside(lane: Lane, lanes: Sequence[Lane], *, is_left: bool) -> tuple[int, ...]:

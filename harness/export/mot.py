@@ -19,7 +19,7 @@ import numpy as np
 from harness.export.sizes import track_sizes
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.history import DetectionHistory, detection_history
-from harness.scoring.evidence.pairs import Pairs, near_pairs
+from harness.scoring.evidence.pairs import TrackPairs, near_pairs
 from harness.scoring.evidence.rows import RunRows, read_run
 from harness.scoring.evidence.sequence import Selection, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.evidence.settings import ScoringSettings
@@ -28,7 +28,7 @@ from mmpf.numerics.arrays import FloatArray, IntArray
 
 PIXELS_PER_M = 100.0
 SCRIPT = "trackeval_script.py"
-Select = Callable[[RunRows, DetectionHistory, Pairs, ScoringSettings], Selection]
+Select = Callable[[RunRows, DetectionHistory, TrackPairs, ScoringSettings], Selection]
 SEQUENCES: dict[str, Select] = {"in-sight": select_in_sight, "seen-in-10-s": select_remembered}
 # The one class that TrackEval evaluates in this format.
 EVALUATED_CLASS = 1

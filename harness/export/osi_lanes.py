@@ -14,7 +14,7 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_lane_pb2 import Lane as LaneMessage
 from osi3.osi_lane_pb2 import LaneBoundary
 
-from harness.export.lanes import NO_STRIP, LaneLine, Lanes
+from harness.export.lanes import NO_STRIP, DrivenLanes, LanePolyline
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 LINE_WIDTH_M = 0.15
@@ -30,7 +30,7 @@ class OsiLanes:
         content: What each message of the ground truth holds of them.
     """
 
-    lanes: Lanes
+    lanes: DrivenLanes
     first_id: int
     content: GroundTruth
 
@@ -46,7 +46,7 @@ class OsiLanes:
             message.lane[of_host - self.first_id].classification.is_host_vehicle_lane = True
 
 
-def osi_lanes(lanes: Lanes, first_id: int) -> OsiLanes:
+def osi_lanes(lanes: DrivenLanes, first_id: int) -> OsiLanes:
     """Return the lanes as messages whose identifiers begin with a number."""
     content = GroundTruth()
     first_line = first_id + len(lanes.strips)
@@ -56,7 +56,7 @@ def osi_lanes(lanes: Lanes, first_id: int) -> OsiLanes:
         about = message.classification
         about.type, about.subtype = LaneMessage.Classification.TYPE_DRIVING, LaneMessage.Classification.SUBTYPE_NORMAL
         about.centerline_is_driving_direction = True
-        middle = LaneLine(strip.lane.centre_m, strip.lane.start_m, strip.lane.end_m)
+        middle = LanePolyline(strip.lane.centre_m, strip.lane.start_m, strip.lane.end_m)
         _add_points(about.centerline, middle.points(lanes.road))
         about.left_lane_boundary_id.add(value=first_line + strip.left)
         about.right_lane_boundary_id.add(value=first_line + strip.right)

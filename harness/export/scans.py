@@ -12,7 +12,7 @@ from pathlib import Path
 
 from harness.running.finished import RecordedRun
 from harness.running.follow import StageTimes, follow
-from harness.running.looks import Streams
+from harness.running.looks import RandomStreams
 from harness.running.open import as_believed
 from harness.running.recorder import ColumnRecorder
 from harness.running.replay import read_looks
@@ -49,7 +49,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         told.append(_Listener(list(setting_lines(setting, options))))
         return told[-1]
 
-    follow(looks, build, ColumnRecorder(), Streams.from_seed(run.config.seed).tracker, (), StageTimes())
+    follow(looks, build, ColumnRecorder(), RandomStreams.from_seed(run.config.seed).tracker, (), StageTimes())
     return list(_written(run, told[1:], folder))  # the first only compiles
 
 

@@ -18,7 +18,7 @@ CellTraffic = tuple[TrafficConfig, int, str | None]
 
 
 @dataclass(frozen=True)
-class Grid:
+class GridPlan:
     """All cells of a stress test.
 
     Attributes:
@@ -109,7 +109,7 @@ class PlannedRun:
         }
 
 
-def distinct_trackers(grid: Grid) -> Iterator[RunConfig]:
+def distinct_trackers(grid: GridPlan) -> Iterator[RunConfig]:
     """Yield one configuration for each distinct tracker with its settings."""
     seen: list[TrackerConfig] = []
     first_seed = grid.cells[0].config.seed

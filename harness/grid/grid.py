@@ -19,7 +19,7 @@ from typing import Any
 from harness.common.errors import InputError
 from harness.config.lists import names, numbers, seed_values
 from harness.config.model import DEFAULT_TRACKER, RunConfig
-from harness.grid.cells import Cell, Grid, PlannedRun
+from harness.grid.cells import Cell, GridPlan, PlannedRun
 from harness.grid.worlds import chosen_worlds
 from harness.running.resolve import resolve_run_config
 from harness.sensor.profiles import sensor_settings
@@ -92,7 +92,7 @@ def title_of(networks: Iterable[str]) -> str:
     return f"Stress test on {', '.join(dict.fromkeys(networks))}"
 
 
-def plan_grid(request: GridRequest) -> Grid:
+def plan_grid(request: GridRequest) -> GridPlan:
     """Turn what the user wrote into runs, each with a checked configuration.
 
     Raises:
@@ -131,7 +131,7 @@ def plan_grid(request: GridRequest) -> Grid:
             Cell(tuple(replace(run, config=run.config.model_copy(update={"seed": seed})) for run in first))
             for seed in seeds
         ]
-    return Grid(tuple(cells), tuple(axes))
+    return GridPlan(tuple(cells), tuple(axes))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from harness.common.errors import RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
-from harness.grid.cells import Cell, Grid, distinct_trackers
+from harness.grid.cells import Cell, GridPlan, distinct_trackers
 from harness.grid.pool import OnRow
 from harness.running.provenance import model_files, other_code, own_code, provenance_of
 from harness.storage import ownership
@@ -61,7 +61,7 @@ class Making:
         kind: What kind of folder it makes (``harness.storage.ownership``), which heads the progress bar too.
     """
 
-    grid: Grid
+    grid: GridPlan
     table: Mapping[str, Any]
     command: str = ""
     kind: str = ownership.STRESS
@@ -125,7 +125,7 @@ def make_rows(
         return outcome
 
 
-def _rest_of(grid: Grid, done: Mapping[str, Row]) -> list[Cell]:
+def _rest_of(grid: GridPlan, done: Mapping[str, Row]) -> list[Cell]:
     """Return what is left to run, the densest first, so that no worker is left alone with it in the end."""
     left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
     return sorted(
@@ -150,7 +150,7 @@ def _ends_in_one_line(what: str, done: Mapping[str, Row], runs: int) -> Iterator
         ) from error
 
 
-def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int) -> None:
+def _write_manifest(out: Path, command: str, grid: GridPlan, status: str, runs: int) -> None:
     code, inputs = provenance_of(distinct_trackers(grid))
     files = hashes_of(out) if status == runfolder.COMPLETE else {}
     seed = grid.cells[0].config.seed
@@ -158,7 +158,7 @@ def _write_manifest(out: Path, command: str, grid: Grid, status: str, runs: int)
 
 
 def _drop_stale(
-    grid: Grid, there: Mapping[str, Row], before: Mapping[str, Any], rows_folder: Path, user: Telling
+    grid: GridPlan, there: Mapping[str, Row], before: Mapping[str, Any], rows_folder: Path, user: Telling
 ) -> set[str]:
     """Remove the rows whose tracker's own module or model file is another now, say so, and return their keys."""
     noted = dict(before.get(CODE) or {}) | dict(before.get(INPUTS) or {})

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.grid.cells import Grid, PlannedRun
+from harness.grid.cells import GridPlan, PlannedRun
 from harness.storage.grid_rows import TEXT_COLUMNS, Row, flattened
 from harness.storage.schema import RUN_IDENTITY, RUN_OUTCOME
 
@@ -23,7 +23,7 @@ def failed_row(run: PlannedRun, error: str, total_s: float) -> Row:
     return {**run.identity(), "succeeded": False, "error": " ".join(error.split()), "total_s": total_s}
 
 
-def assemble(grid: Grid, rows: Mapping[str, Row]) -> pd.DataFrame:
+def assemble(grid: GridPlan, rows: Mapping[str, Row]) -> pd.DataFrame:
     """Return the table of a grid, one row for each run in the grid's order, columns in a fixed order."""
     ordered = [rows[run.key] for run in grid.runs]
     metrics = dict.fromkeys(name for row in ordered for name in row)

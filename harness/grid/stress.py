@@ -20,7 +20,7 @@ from harness.common.charts import draw_charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
-from harness.grid.cells import Grid, distinct_trackers
+from harness.grid.cells import GridPlan, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.grid.result_rows import assemble
@@ -88,7 +88,7 @@ def run_stress(
     )
 
 
-def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
+def check_grid(grid: GridPlan, tell: Callable[[str], object]) -> None:
     """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings."""
     if grid.is_replay:
         _check_sensors_and_trackers(grid)
@@ -105,13 +105,13 @@ def check_grid(grid: Grid, tell: Callable[[str], object]) -> None:
     _check_sensors_and_trackers(grid)
 
 
-def _check_recordings(grid: Grid, tell: Callable[[str], object]) -> None:
+def _check_recordings(grid: GridPlan, tell: Callable[[str], object]) -> None:
     """Read every file once, so that a broken one is reported before hours of runs over the others."""
     for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
         tell(open_looks(config).report)
 
 
-def _check_sensors_and_trackers(grid: Grid) -> None:
+def _check_sensors_and_trackers(grid: GridPlan) -> None:
     for config in {json.dumps(cell.config.sensor.model_dump()): cell.config for cell in grid.cells}.values():
         try:
             sensor_settings(config.sensor.profile, config.sensor.overrides)
@@ -122,7 +122,7 @@ def _check_sensors_and_trackers(grid: Grid) -> None:
         check_driver(config)
 
 
-def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
+def _write_outcome(grid: GridPlan, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
     """Write curves over the axes; of recorded traffic, one table over all files."""
     table = assemble(grid, rows)
     failures = [
@@ -142,7 +142,7 @@ def _write_outcome(grid: Grid, request: GridRequest, out: Path, rows: Mapping[st
 
 
 @dataclass(frozen=True)
-class _Told:
+class _Text:
     """The output of a grid: numbers for programs, the same as Markdown, and curves with their limits."""
 
     numbers: dict[str, Any]
@@ -151,26 +151,25 @@ class _Told:
     breaks: Sequence[Break] = ()
 
 
-def _curves(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:
+def _curves(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figures: Path, failures: list[str]) -> _Text:
     points, broken = curve_points(table, grid.axes), breaks(table)
     for axis in dict.fromkeys(point.axis for point in points):
         draw_charts(curve_charts(points, axis), request.title, figures / f"over_{axis.replace('.', '_')}.png")
     numbers = {"breaks": [asdict(entry) for entry in broken], "curves": [asdict(point) for point in points]}
-    return _Told(numbers, as_markdown(request.title, points, broken, failures), points, broken)
+    return _Text(numbers, as_markdown(request.title, points, broken, failures), points, broken)
 
 
-def _mismatched(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
-
+def _mismatched(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figures: Path, failures: list[str]) -> _Text:  # noqa: ARG001
     found, ahead = costs(table), leads(table)
     numbers = {"mismatches": [asdict(cost) for cost in found], "leads": [asdict(each) for each in ahead]}
-    return _Told(numbers, costs_markdown(found, failures, ahead))
+    return _Text(numbers, costs_markdown(found, failures, ahead))
 
 
-def _pooled(table: pd.DataFrame, grid: Grid, request: GridRequest, figures: Path, failures: list[str]) -> _Told:  # noqa: ARG001
+def _pooled(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figures: Path, failures: list[str]) -> _Text:  # noqa: ARG001
 
     pooled = pool_files(table)
     draw_charts(hidden_charts(pooled), "Hidden vehicles in recorded traffic", figures / "hidden.png")
-    return _Told(asdict(pooled), pooled_markdown(pooled, failures))
+    return _Text(asdict(pooled), pooled_markdown(pooled, failures))
 
 
 def _lines(failures: Sequence[Mapping[str, str]]) -> list[str]:

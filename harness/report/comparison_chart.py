@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from harness.analysis.compare import Comparison
+from harness.analysis.compare import Judgement
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict, quantity_of
 from harness.common.charts import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, tooltip_of
 
@@ -32,7 +32,7 @@ NOTE = (
 HINT = "Point at a value to read it in its own unit."
 
 
-def comparison_charts(comparison: Comparison) -> Charts | None:
+def comparison_charts(comparison: Judgement) -> Charts | None:
     """Return a chart for each tracker that was compared; None where no metric has a difference."""
     charts = []
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):

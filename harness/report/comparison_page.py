@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from harness.analysis.compare import Comparison
+from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import as_markdown
-from harness.analysis.why import SWITCH, Failure, Why
+from harness.analysis.why import SWITCH, TrackFailure, Why
 from harness.report.comparison_chart import comparison_charts
 from harness.report.folder_page import as_html, text_page, title_of
 from harness.report.page import MOST_SHOWN, chart_parts, render, replay_parts
-from harness.report.replay_data import Beside
+from harness.report.replay_data import SecondRun
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.storage.checks import sound_tables
@@ -30,7 +30,7 @@ DETECTED = ["step", "lon_m", "lat_m"]
 COMPARE = "compare"
 
 
-def comparison_page(comparison: Comparison) -> str:
+def comparison_page(comparison: Judgement) -> str:
     """Return a comparison as a page.
 
     Raises:
@@ -50,7 +50,7 @@ def comparison_page(comparison: Comparison) -> str:
         text=as_html(text),
         charts=charts,
         **chart_parts(list(charts.values())),
-        **replay_parts(a, Beside(b, marks, first_failure(why)), _headings(why, both)),
+        **replay_parts(a, SecondRun(b, marks, first_failure(why)), _headings(why, both)),
     )
 
 
@@ -60,7 +60,9 @@ def first_failure(why: Why) -> tuple[float, str] | None:
     return (max(0.0, found[0].time_s - BEFORE_S), found[0].vehicle_id) if found else None
 
 
-def differences(a: RecordedRun, b: RecordedRun, failures: tuple[Sequence[Failure], Sequence[Failure]]) -> pd.DataFrame:
+def differences(
+    a: RecordedRun, b: RecordedRun, failures: tuple[Sequence[TrackFailure], Sequence[TrackFailure]]
+) -> pd.DataFrame:
     """Return where two trackers on the same detections differ.
 
     Args:
@@ -99,7 +101,7 @@ def _errors(run: RecordedRun) -> pd.DataFrame:
     )
 
 
-def _switches(truth: pd.DataFrame, own: Sequence[Failure], others: Sequence[Failure]) -> pd.DataFrame:
+def _switches(truth: pd.DataFrame, own: Sequence[TrackFailure], others: Sequence[TrackFailure]) -> pd.DataFrame:
     """Return the steps within a second after one's identity switches, without those that the other has as well."""
     times = truth.drop_duplicates("step")
     rows: list[tuple[int, str]] = []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from harness.common.charts import draw_charts
 from harness.report.run_charts import diagnostics_charts, error_charts, visibility_charts
-from harness.report.scene import Scene, scene_figure
+from harness.report.scene import PictureScene, scene_figure
 from harness.running.run import Pictured
 
 SCENE, OVER_TIME, BY_VISIBILITY = "scene.png", "error_over_time.png", "error_by_visibility.png"
@@ -19,7 +19,7 @@ def draw_figures(folder: Path, pictured: Pictured) -> None:
     title, moment = pictured.title, pictured.moment
     if moment is not None:
         look = moment.look
-        scene = Scene(
+        scene = PictureScene(
             look.frame, look.observation, moment.tracks, pictured.road, pictured.sensor.range_m, moment.particles
         )
         scene_figure(scene, f"{title}: {look.frame.time_s:.1f} s").savefig(folder / SCENE)

@@ -17,7 +17,7 @@ from harness.analysis.curves import sums_and_weights
 from harness.analysis.verdicts import compared_quantities
 from harness.common.charts import Charts
 from harness.common.errors import InputError
-from harness.grid.cells import Grid, PlannedRun
+from harness.grid.cells import GridPlan, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
 from harness.report.html_tables import html_table
@@ -113,7 +113,7 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     )
 
 
-def _about(grid: Grid) -> str:
+def _about(grid: GridPlan) -> str:
     """Return in a sentence which trackers were run on what."""
     configs = [run.config for run in grid.runs]
     trackers = ", ".join(dict.fromkeys(_tracker(run) for run in grid.runs))
@@ -133,7 +133,7 @@ def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
     return f"{sums[known].sum() / total:.{quantity.decimals}f}" if total > 0.0 else "-"
 
 
-def plan_of(folder: Path) -> Grid | None:
+def plan_of(folder: Path) -> GridPlan | None:
     """Return the grid that a folder was made for; None if it is none, or of another version."""
     try:
         request = json.loads((folder / GRID).read_text(encoding="utf-8"))

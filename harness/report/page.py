@@ -22,7 +22,7 @@ from harness.report.figures import OVER_TIME
 from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
 from harness.report.html_tables import error_table, hidden_table, mot_table
 from harness.report.key_figures import key_figures
-from harness.report.replay_data import Beside, replay_data
+from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.report.strips import strips_in
 from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
@@ -59,7 +59,7 @@ BEFORE_S = 1.0
 
 
 @dataclass(frozen=True)
-class Strip:
+class PictureStrip:
     """One strip of a gallery.
 
     Attributes:
@@ -149,7 +149,7 @@ def run_page(run: RecordedRun) -> str:
 
 
 def replay_parts(
-    run: RecordedRun, beside: Beside | None = None, sides: tuple[tuple[str, str], ...] = ()
+    run: RecordedRun, beside: SecondRun | None = None, sides: tuple[tuple[str, str], ...] = ()
 ) -> dict[str, object]:
     """Return what the templates of the replay need.
 
@@ -196,18 +196,18 @@ def embedded(picture: Path) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(picture.read_bytes()).decode('ascii')}"
 
 
-def _strips(run: RecordedRun) -> list[Strip]:
+def _strips(run: RecordedRun) -> list[PictureStrip]:
     failures = worst_failures(run)
     folder = run.folder / runfolder.FIGURES
     folder.mkdir(exist_ok=True)
     pictures = draw_gallery(run, failures, folder)
     return [
-        Strip(embedded(picture), failure.sentence(), failure.vehicle_id, *failure.replayed_s(run))
+        PictureStrip(embedded(picture), failure.sentence(), failure.vehicle_id, *failure.replayed_s(run))
         for picture, failure in zip(pictures, failures, strict=True)
     ]
 
 
-def _decision_strips(run: RecordedRun) -> list[Strip]:
+def _decision_strips(run: RecordedRun) -> list[PictureStrip]:
     if run.brakings is None:
         return []
     brakings = worst_brakings(run.brakings)
@@ -215,7 +215,7 @@ def _decision_strips(run: RecordedRun) -> list[Strip]:
     times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step").set_index("step")["vehicle_id"]
     return [
-        Strip(
+        PictureStrip(
             embedded(picture),
             braking.sentence(),
             braking.vehicle_id or str(egos[braking.step]),

@@ -39,7 +39,7 @@ OF_TRACKER = ("error", "track", "outcome")
 
 
 @dataclass(frozen=True)
-class Beside:
+class SecondRun:
     """A second tracker on the same detections.
 
     Attributes:
@@ -54,7 +54,7 @@ class Beside:
     opens_at: tuple[float, str] | None
 
 
-def replay_data(run: RecordedRun, beside: Beside | None = None) -> dict[str, Any]:
+def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, Any]:
     """Return what the replay shows, ready for JSON.
 
     Positions are in the road frame, metres, as 32-bit floats; headings in units of 1e-4 rad; errors, sizes and

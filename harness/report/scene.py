@@ -43,7 +43,7 @@ MARGIN_M = 2.5
 
 
 @dataclass(frozen=True)
-class Scene:
+class PictureScene:
     """One moment on the road.
 
     Attributes:
@@ -68,7 +68,7 @@ class Scene:
         return float(self.frame.lon_m[self.frame.ego])
 
 
-def scene_figure(scene: Scene, title: str = "") -> Figure:
+def scene_figure(scene: PictureScene, title: str = "") -> Figure:
     """Return a figure of the whole range in two strips: what lies ahead of the ego above, what lies behind it below."""
     low, high = _road_edges(scene)
     if scene.road.graph is not None:
@@ -88,7 +88,7 @@ def scene_figure(scene: Scene, title: str = "") -> Figure:
     return figure
 
 
-def _plane_figure(scene: Scene, title: str) -> Figure:
+def _plane_figure(scene: PictureScene, title: str) -> Figure:
     """Return a figure of the whole range on a network of many roads, north up."""
     figure = Figure(figsize=(9.0, 9.8), dpi=120, layout="constrained")
     axes = figure.subplots()
@@ -103,7 +103,7 @@ def _plane_figure(scene: Scene, title: str) -> Figure:
     return figure
 
 
-def draw_scene(axes: Axes, scene: Scene, window: tuple[float, float]) -> None:
+def draw_scene(axes: Axes, scene: PictureScene, window: tuple[float, float]) -> None:
     """Draw a stretch of the road, metres relative to the ego, into the axes."""
     origin, detections = scene.origin_m, scene.observation.scan.detections
     _draw_ground(axes, scene.observation, scene.road, scene.range_m, origin)
@@ -138,7 +138,7 @@ def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
     return entries
 
 
-def _road_edges(scene: Scene) -> tuple[float, float]:
+def _road_edges(scene: PictureScene) -> tuple[float, float]:
     """Return the lowest and highest lateral position of the lanes within range; in the plane of all that is."""
     within = scene.origin_m - scene.range_m, scene.origin_m + scene.range_m
     return scene.road.across_m(within, float(scene.frame.lat_m[scene.frame.ego]), scene.range_m)

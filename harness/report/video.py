@@ -34,7 +34,7 @@ LEGEND = (
 
 
 @dataclass(frozen=True)
-class _Strip:
+class _PictureRow:
     """A stretch of road in the picture, which pixels are ``SMOOTH`` times the film's.
 
     Attributes:
@@ -121,7 +121,7 @@ def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, 
     scale = SMOOTH * min(WIDTH / (reach + OVERLAP_M), half / (high - low))
     for place, start_m in enumerate((-OVERLAP_M, -reach)):
         stretch = Image.new("RGB", (SMOOTH * WIDTH, round(scale * (high - low))), OUT_OF_SIGHT)
-        strip = _Strip(ImageDraw.Draw(stretch), (pose.lon_m + start_m, high), scale)
+        strip = _PictureRow(ImageDraw.Draw(stretch), (pose.lon_m + start_m, high), scale)
         _draw_ground(strip, run, pose, detections)
         _draw_road_and_vehicles(strip, run, truth, ego)
         _draw_detections_and_tracks(strip, detections, tracks)
@@ -131,14 +131,14 @@ def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, 
     return picture.reduce(SMOOTH)
 
 
-def _draw_ground(strip: _Strip, run: RecordedRun, pose: EgoPose, detections: pd.DataFrame) -> None:
+def _draw_ground(strip: _PictureRow, run: RecordedRun, pose: EgoPose, detections: pd.DataFrame) -> None:
     range_m = run.sensor.range_m
     strip.draw.polygon(strip.place(view_outline(pose, run.road, range_m, 0.0)), fill=SEEN_GROUND)
     for outline in shadow_outlines(detections_of(detections), pose, run.road, range_m, 0.0):
         strip.draw.polygon(strip.place(outline), fill=SHADOW)
 
 
-def _draw_road_and_vehicles(strip: _Strip, run: RecordedRun, truth: pd.DataFrame, ego: int) -> None:
+def _draw_road_and_vehicles(strip: _PictureRow, run: RecordedRun, truth: pd.DataFrame, ego: int) -> None:
     window = strip.origin_m[0] + np.array([0.0, SMOOTH * WIDTH / strip.scale])
     for lane in run.road.lanes:
         start, end = np.clip([lane.start_m, lane.end_m], *window)
@@ -153,7 +153,7 @@ def _draw_road_and_vehicles(strip: _Strip, run: RecordedRun, truth: pd.DataFrame
         strip.draw.polygon(strip.place(outlines[i]), fill=fill, outline=edge, width=2 * SMOOTH)
 
 
-def _draw_detections_and_tracks(strip: _Strip, detections: pd.DataFrame, tracks: pd.DataFrame) -> None:
+def _draw_detections_and_tracks(strip: _PictureRow, detections: pd.DataFrame, tracks: pd.DataFrame) -> None:
     arm = 4 * SMOOTH
     places = np.stack([floats(detections, "lon_m"), floats(detections, "lat_m")], axis=-1)
     for x, y in strip.place(places):

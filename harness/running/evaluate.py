@@ -14,7 +14,7 @@ from harness.common.numbers import without_nan
 from harness.common.signals import signals_held
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
-from harness.running.looks import Looks, Streams
+from harness.running.looks import Looks, RandomStreams
 from harness.running.metrics import TrafficSums, identification, timing_table
 from harness.running.open import as_believed, driven_on, tracker_builder
 from harness.running.provenance import provenance_of
@@ -23,7 +23,7 @@ from harness.running.resolve import write_config
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
 from harness.running.write import RunWriter
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.metrics.registry import completed
 from harness.scoring.score import RunScorer
 from harness.storage import ownership
@@ -97,7 +97,7 @@ class Evaluation:
     looks: Looks
     build: TrackerBuilder
     seed: int
-    driven: Driven | None = None
+    driven: DriverSetup | None = None
     keepers: Mapping[str, Keeper] = field(default_factory=dict)
     writer: RunWriter | None = None
     times: StageTimes = field(default_factory=StageTimes)
@@ -125,7 +125,7 @@ class Evaluation:
         Args:
             stream: Parent of the trackers' streams; None takes that of the root seed.
         """
-        stream = Streams.from_seed(self.seed).tracker if stream is None else stream
+        stream = RandomStreams.from_seed(self.seed).tracker if stream is None else stream
         watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()))
         follow(self.looks, self.build, self._recorder, stream, watchers, self.times)
 

@@ -18,7 +18,7 @@ from mmpf.scan import SensorModel
 
 
 @dataclass(frozen=True)
-class Streams:
+class RandomStreams:
     """The run's independent streams of randomness, so that changing one part leaves the others' draws as they were.
 
     Attributes:
@@ -32,7 +32,7 @@ class Streams:
     altered: np.random.SeedSequence
 
     @classmethod
-    def from_seed(cls, seed: int) -> Streams:
+    def from_seed(cls, seed: int) -> RandomStreams:
         """Return the streams of a root seed."""
         return cls(*np.random.SeedSequence(seed).spawn(4))
 
@@ -102,7 +102,7 @@ class Looks:
 
 def look_at(truth: TruthSource, sensor: Sensor, seed: int) -> Looks:
     """Let a sensor look at traffic."""
-    rng = np.random.default_rng(Streams.from_seed(seed).sensor)
+    rng = np.random.default_rng(RandomStreams.from_seed(seed).sensor)
     return Looks(
         road=truth.road,
         step_s=truth.step_s,

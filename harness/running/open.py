@@ -15,9 +15,9 @@ from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
 from harness.running.believedmap import believed_map
 from harness.running.follow import TrackerBuilder
-from harness.running.looks import Looks, Streams, look_at
+from harness.running.looks import Looks, RandomStreams, look_at
 from harness.running.replay import read_looks
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.given import GivenDetections
@@ -51,7 +51,7 @@ def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float
         reach_m=reach_m,
         demand=traffic.density if traffic.demand is None else traffic.demand,
         duration_s=traffic.duration_s,
-        seed=Streams.from_seed(seed).truth,
+        seed=RandomStreams.from_seed(seed).truth,
         gui=gui,
         broken_down=traffic.broken_down,
     )
@@ -83,7 +83,7 @@ def _altered(looks: Looks, config: RunConfig) -> Looks:
         looks,
         step_s=every * looks.step_s,
         expected_steps=-(-looks.expected_steps // every),
-        stream=altered(looks.stream, settings, sensor, looks.road, Streams.from_seed(config.seed).altered),
+        stream=altered(looks.stream, settings, sensor, looks.road, RandomStreams.from_seed(config.seed).altered),
     )
 
 
@@ -190,9 +190,9 @@ def check_driver(config: RunConfig) -> None:
     driver_of(config.decisions.driver)
 
 
-def driven_on(road: Road, config: RunConfig) -> Driven:
+def driven_on(road: Road, config: RunConfig) -> DriverSetup:
     """Return the configuration's driver on a road."""
-    return Driven(driver_of(config.decisions.driver), road)
+    return DriverSetup(driver_of(config.decisions.driver), road)
 
 
 def as_believed(looks: Looks, config: RunConfig) -> Looks:

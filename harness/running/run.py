@@ -21,7 +21,7 @@ from harness.running.looks import Looks
 from harness.running.open import OpenLooks, check_driver, check_tracker, open_looks
 from harness.running.provenance import provenance_of
 from harness.running.resolve import write_config
-from harness.running.watchers import DiagnosticsKeeper, Moment, MomentKeeper, ParticleKeeper
+from harness.running.watchers import DiagnosticsKeeper, MomentKeeper, ParticleKeeper, RunMoment
 from harness.running.write import RunWriter
 from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
@@ -59,7 +59,7 @@ class Pictured:
     sensor: SensorModel
     errors: pd.DataFrame
     metrics: Mapping[str, Any]
-    moment: Moment | None
+    moment: RunMoment | None
     diagnostics: pd.DataFrame | None
 
 

@@ -32,7 +32,7 @@ class ParticleFilter(Protocol):
 
 
 @dataclass(frozen=True)
-class Moment:
+class RunMoment:
     """One instant of a run; ``particles`` are the places of all, shape (2, n), None where a tracker has none."""
 
     look: Look
@@ -44,7 +44,7 @@ class Moment:
 class MomentKeeper:
     """Keeps the moment with the most hidden tracks on the road on record, the first of equals; None before a step."""
 
-    moment: Moment | None = None
+    moment: RunMoment | None = None
     _best: int = -1
 
     def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
@@ -55,7 +55,7 @@ class MomentKeeper:
             return
         self._best = hidden
         particles = tracker.mixture.cloud.state[[LON, LAT]] if isinstance(tracker, ParticleFilter) else None
-        self.moment = Moment(look, tracks, particles)
+        self.moment = RunMoment(look, tracks, particles)
 
 
 DECIMALS = 6

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from harness.scoring.driving.asked import Asked, Driven, ask
+from harness.scoring.driving.asked import Asked, DriverSetup, ask
 from harness.scoring.driving.brakings import Brakings, find_brakings
 from harness.scoring.evidence.errors import ErrorArrays, error_arrays, error_table
 from harness.scoring.evidence.events import OcclusionEvents, occlusion_events
 from harness.scoring.evidence.following import Following, follow
 from harness.scoring.evidence.history import DetectionHistory, detection_history
 from harness.scoring.evidence.matching import Matching, match
-from harness.scoring.evidence.pairs import Pairs, near_pairs
+from harness.scoring.evidence.pairs import TrackPairs, near_pairs
 from harness.scoring.evidence.plain_view import PlainView, plain_view
 from harness.scoring.evidence.rows import RunRows, read_run
 from harness.scoring.evidence.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
@@ -33,7 +33,7 @@ class Evidence:
 
     rows: RunRows
     history: DetectionHistory
-    pairs: Pairs
+    pairs: TrackPairs
     matching: Matching
     error_table: pd.DataFrame
     errors: ErrorArrays
@@ -60,7 +60,7 @@ def gather(
     tracks: pd.DataFrame,
     settings: ScoringSettings,
     seed: int,
-    driven: Driven | None = None,
+    driven: DriverSetup | None = None,
     unseen: pd.DataFrame | None = None,
 ) -> Evidence:
     """Read a run's tables and match vehicles with tracks; arguments and errors are those of ``score_run``."""

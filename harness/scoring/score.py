@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.driving.brakings import braking_table, command_table
 from harness.scoring.evidence.events import event_table
 from harness.scoring.evidence.settings import ScoringSettings
@@ -36,7 +36,7 @@ def score_run(
     detections: pd.DataFrame,
     tracks: pd.DataFrame,
     seed: int = 0,
-    driven: Driven | None = None,
+    driven: DriverSetup | None = None,
     unseen: pd.DataFrame | None = None,
 ) -> ScoredRun:
     """Score a run by the published rules.
@@ -65,7 +65,7 @@ class RunScorer:
     one piece by the rounding of sums and by the order in which vehicles are resampled.
     """
 
-    def __init__(self, seed: int = 0, driven: Driven | None = None) -> None:
+    def __init__(self, seed: int = 0, driven: DriverSetup | None = None) -> None:
         """Begin; the seed is that of the bootstrap intervals, the driver is asked by truth and by tracks."""
         self._basis = Basis(ScoringSettings(), seed)
         self._totals = Totals(self._basis)

@@ -81,7 +81,7 @@ def advance(
 
 
 @dataclass(frozen=True)
-class Boxes:
+class DetectedBoxes:
     """What the detector takes for a vehicle each, struct of arrays, each of shape (b,).
 
     Attributes:
@@ -100,7 +100,9 @@ class Boxes:
     second: BoolArray
 
 
-def merged(settings: SensorSettings, boxes: Boxes, merges: BoolArray, visible_fraction: FloatArray) -> Boxes:
+def merged(
+    settings: SensorSettings, boxes: DetectedBoxes, merges: BoolArray, visible_fraction: FloatArray
+) -> DetectedBoxes:
     """Return the boxes with those that merge gone, each into the nearest one that it nearly touches.
 
     The box that stays, that of the vehicle of which more is seen, stands for it and reaches over both.
@@ -143,7 +145,7 @@ def _reaches(length: FloatArray, width: FloatArray, turn_rad: FloatArray) -> tup
     return half_length * cosine + half_width * sine, half_length * sine + half_width * cosine
 
 
-def split(settings: SensorSettings, boxes: Boxes, splits: BoolArray, heading_rad: FloatArray) -> Boxes:
+def split(settings: SensorSettings, boxes: DetectedBoxes, splits: BoolArray, heading_rad: FloatArray) -> DetectedBoxes:
     """Return the boxes with those of long vehicles that split in two: the longer part, then the front at the end."""
     chosen = np.flatnonzero(splits & (boxes.length_m >= settings.split_length_m))
     length = boxes.length_m[chosen]
@@ -159,7 +161,7 @@ def split(settings: SensorSettings, boxes: Boxes, splits: BoolArray, heading_rad
     lon, lat, long = (np.array(column) for column in (boxes.lon_m, boxes.lat_m, boxes.length_m))
     lon[chosen], lat[chosen], long[chosen] = part(-0.5 * FRONT_SHARE * length, 1.0 - FRONT_SHARE)
     front = part(0.5 * (1.0 - FRONT_SHARE) * length, FRONT_SHARE)
-    return Boxes(
+    return DetectedBoxes(
         origin=np.concatenate([boxes.origin, boxes.origin[chosen]]),
         lon_m=np.concatenate([lon, front[0]]),
         lat_m=np.concatenate([lat, front[1]]),
@@ -171,8 +173,12 @@ def split(settings: SensorSettings, boxes: Boxes, splits: BoolArray, heading_rad
 
 
 def shifted(
-    settings: SensorSettings, boxes: Boxes, visible_fraction: FloatArray, angle_rad: FloatArray, side: FloatArray
-) -> Boxes:
+    settings: SensorSettings,
+    boxes: DetectedBoxes,
+    visible_fraction: FloatArray,
+    angle_rad: FloatArray,
+    side: FloatArray,
+) -> DetectedBoxes:
     """Return the boxes moved towards what is seen of them: away from who hides them, and towards the near end.
 
     Of a vehicle whose hidden part is a share h of its extent, the middle of what is left is off by h / 2 of it.

@@ -124,7 +124,7 @@ class Mirrored:
 
 
 @dataclass(frozen=True)
-class Streams:
+class SensorStreams:
     """Independent streams of randomness, so that no failing shifts the draws of another."""
 
     misses: np.random.Generator
@@ -138,7 +138,7 @@ class Streams:
     scores: np.random.Generator
 
     @classmethod
-    def below(cls, parent: np.random.Generator) -> Streams:
+    def below(cls, parent: np.random.Generator) -> SensorStreams:
         """Return streams that the parent's seed decides; the parent's own numbers stay as they were."""
         own = parent.spawn(5)
         # Streams that came later lie below the first, so that the parent's next children stay what they were.
@@ -158,7 +158,7 @@ class SensorMemory:
     """
 
     parent: np.random.Generator | None = None
-    streams: Streams = field(init=False)
+    streams: SensorStreams = field(init=False)
     episode: int = -1
     time_s: float = 0.0
     vehicles: VehicleMemory = field(init=False)
@@ -171,7 +171,7 @@ class SensorMemory:
     def begin_scan(self, parent: np.random.Generator, episode: int, time_s: float) -> float:
         """Forget what does not belong to this episode; return the time since its last scan, seconds."""
         if self.parent is not parent:
-            self.parent, self.streams, self.episode = parent, Streams.below(parent), -1
+            self.parent, self.streams, self.episode = parent, SensorStreams.below(parent), -1
             self.posts, self.detectability = None, {}
         step_s = time_s - self.time_s
         if self.episode != episode:

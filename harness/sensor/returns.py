@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.config.sensor import SensorSettings
 from harness.sensor.failings import (
-    Boxes,
+    DetectedBoxes,
     advance,
     detectabilities,
     detection_probability,
@@ -71,11 +71,13 @@ def vehicle_returns(memory: SensorMemory, scene: Scene, step_s: float, rng: np.r
     return _measured(scene, boxes, named, (drifts, reports))
 
 
-def _boxes(scene: Scene, now: VehicleMemory, origin: IntArray) -> Boxes:
+def _boxes(scene: Scene, now: VehicleMemory, origin: IntArray) -> DetectedBoxes:
     """Return what the detector takes for vehicles of those that it detects."""
     settings, frame, fraction = scene.settings, scene.frame, scene.fraction
     lon, lat, length, width = (column[origin] for column in (frame.lon_m, frame.lat_m, frame.length_m, frame.width_m))
-    whole = Boxes(origin, lon, lat, length, width, scene.axis_rad[origin], np.zeros(len(origin), dtype=np.bool_))
+    whole = DetectedBoxes(
+        origin, lon, lat, length, width, scene.axis_rad[origin], np.zeros(len(origin), dtype=np.bool_)
+    )
     boxes = merged(settings, whole, now.merged[origin] > 0.0, fraction[origin])
     # A box that stands for two vehicles is not divided.
     single = boxes.length_m == frame.length_m[boxes.origin]
@@ -92,7 +94,7 @@ def _drifting(settings: SensorSettings) -> FloatArray:
     return np.where(np.arange(NORMALS) == SPEED_NORMAL, 0.0, np.sqrt(settings.bias_share))
 
 
-def _measured(scene: Scene, boxes: Boxes, named: IntArray, normals: tuple[FloatArray, FloatArray]) -> Returns:
+def _measured(scene: Scene, boxes: DetectedBoxes, named: IntArray, normals: tuple[FloatArray, FloatArray]) -> Returns:
     """Return boxes as the sensor measures them, with the numbers of the errors and of what they report."""
     errors, reports = normals
     settings, frame, of = scene.settings, scene.frame, boxes.origin

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
-from harness.common.isolation import Limits, isolated
+from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file, read_text
 from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
 from mmpf.map.road import Road
@@ -47,7 +47,7 @@ def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: 
     """
     check_file(path, parameter)
     place = f"`{parameter}`: {path}"
-    limits = Limits.for_files([path])
+    limits = ProcessLimits.for_files([path])
     frame: pd.DataFrame = isolated(partial(_table, path, place, until, noted), place, limits).to_pandas()
     return frame
 

@@ -20,7 +20,7 @@ import pandas as pd
 
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.common.isolation import Limits, isolated
+from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file, read_text
 from harness.storage import ownership
 from harness.storage.checks import Until, check_kinds, check_order, read_parquet, rows_noted
@@ -253,7 +253,7 @@ def read_road(path: Path, parameter: str) -> Road:
         InputError: The file is missing or broken.
     """
     check_file(path, parameter)
-    return isolated(partial(_road, path, parameter), f"`{parameter}`: {path}", Limits.for_files([path]))
+    return isolated(partial(_road, path, parameter), f"`{parameter}`: {path}", ProcessLimits.for_files([path]))
 
 
 def _road(path: Path, parameter: str) -> Road:

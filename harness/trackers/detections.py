@@ -22,7 +22,7 @@ class DetectionsOptions(Settings):
     """Settings of the baseline without memory: there are none."""
 
 
-class Detections:
+class DetectionsTracker:
     """Reports every detection as a vehicle, false ones too, and forgets it by the next scan."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class Detections:
         )
 
 
-def build_detections(setting: TrackerSetting, options: Mapping[str, object]) -> Detections:  # noqa: ARG001
+def build_detections(setting: TrackerSetting, options: Mapping[str, object]) -> DetectionsTracker:  # noqa: ARG001
     """Build the baseline; it needs nothing of the setting."""
     DetectionsOptions.model_validate(dict(options))
-    return Detections()
+    return DetectionsTracker()

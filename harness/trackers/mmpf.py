@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from harness.common.error_text import what_it_raised
-from harness.common.isolation import Limits, isolated
+from harness.common.isolation import ProcessLimits, isolated
 from harness.trackers.protocol import TrackerSetting
 from mmpf.motion.gmm.model_file import ModelFileError
 from mmpf.motion.learned.driver import empirical_driver, load_learned_driver, residual_driver
@@ -59,7 +59,7 @@ def _motion_model(name: str, file: Path | None) -> MotionModel:
         except ModelFileError as error:
             return error
 
-    model_read = isolated(read, f"model file {file}", Limits.for_files([file]))
+    model_read = isolated(read, f"model file {file}", ProcessLimits.for_files([file]))
     if isinstance(model_read, ModelFileError):
         raise model_read
     return model_read

@@ -12,7 +12,7 @@ import numpy as np
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import SensorModel
-from mmpf.visibility.depth import Bodies, DepthTable
+from mmpf.visibility.depth import DepthTable, Occluders
 from mmpf.visibility.shadows import visible_fractions
 
 # Five points that stand for a Gaussian, in standard deviations, and what they weigh.
@@ -32,7 +32,7 @@ class Visibility:
 def detection_probabilities(
     plane: SensorPlane,
     places: tuple[FloatArray, FloatArray, IntArray],
-    bodies: Bodies,
+    bodies: Occluders,
     table: DepthTable,
     visibility: Visibility,
 ) -> FloatArray:

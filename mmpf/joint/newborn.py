@@ -29,7 +29,7 @@ from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointNewborn, JointOptions
 from mmpf.scan import SensorModel
 from mmpf.stages.update_rule import Situation
-from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.field import share_in_field
 from mmpf.visibility.range_profile import share_at
 from mmpf.visibility.shadows import visible_fractions
@@ -153,7 +153,7 @@ def appearances_at(
     lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
     components, nobody = mixture.components, len(mixture)
     length, width = np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m)
-    bodies = Bodies(length, width, np.append(moments.heading_rad, 0.0))
+    bodies = Occluders(length, width, np.append(moments.heading_rad, 0.0))
     casts = np.append((components.vehicle_share > 0.5) & components.confirmed, values=False)
     table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
 

@@ -13,7 +13,7 @@ from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.joint import JointOptions
 from mmpf.stages.update_rule import Occlusion, Situation
-from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.detection_probability import detection_probabilities, in_plain_view
 from mmpf.visibility.field import half_widths, share_in_field, worth_at_edge
 from mmpf.visibility.missed_runs import run_expected
@@ -36,7 +36,7 @@ def occlusion_of(
     detectability, plane, cloud, sources = options.detectability, situation.plane, prior.cloud, sources_of(prior)
     if detectability.shadow:
         casts = sources.vehicle > detectability.occluder_existence
-        bodies = Bodies(sources.length_m, sources.width_m, moments.heading_rad)
+        bodies = Occluders(sources.length_m, sources.width_m, moments.heading_rad)
         table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
         visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)
         half_width = half_widths(sources.length_m, sources.width_m)[cloud.component]

@@ -23,7 +23,7 @@ from mmpf.options.paper import PaperMerging
 from mmpf.paper.clustering import recluster
 from mmpf.scan import Detections, Scan, SensorModel
 from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situation, Updated, outside_observation_area
-from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.range_profile import Reach
 from mmpf.visibility.shadows import shadowed_share, visible_fractions
 
@@ -67,7 +67,7 @@ class MaxLikelihoodUpdate:
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Use the sensor's statement on which components are completely occluded, or else the tracks' shadows."""
         plane, free_space, mean = situation.plane, situation.scan.free_space, moments.mean
-        bodies = Bodies(prior.components.length_m, prior.components.width_m, moments.heading_rad)
+        bodies = Occluders(prior.components.length_m, prior.components.width_m, moments.heading_rad)
         if free_space is not None:
             shadowed = shadowed_share(plane, mean[LON], mean[LAT], bodies, free_space)
         else:

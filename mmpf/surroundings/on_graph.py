@@ -29,7 +29,7 @@ SAME_WAY = np.cos(np.deg2rad(60.0))
 
 
 @dataclass(frozen=True)
-class Placed:
+class LanePlaces:
     """Vehicles on the lanes, struct of arrays over v vehicles.
 
     Attributes:
@@ -139,7 +139,7 @@ def surroundings_on_graph(
     )
 
 
-def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: float, graph: LaneGraph) -> Placed:
+def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: float, graph: LaneGraph) -> LanePlaces:
     components, mean = mixture.components, moments.mean
     x, y = np.append(mean[LON], ego.lon_m), np.append(mean[LAT], ego.lat_m)
     lane = graph.lane_at(x, y, np.append(moments.heading_rad, ego.heading_rad))
@@ -149,7 +149,7 @@ def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: fl
     order = order[lane[order] != NOWHERE]
     first = np.searchsorted(lane[order], np.arange(len(graph) + 1))
     gap, vehicle = _first_ahead(order, first, along, graph.length_m, graph.successor, graph.first_successor)
-    return Placed(
+    return LanePlaces(
         lane=lane,
         along_m=along,
         left_m=left,
@@ -194,7 +194,7 @@ def _first_ahead(
 
 
 def _nearest(
-    placed: Placed,
+    placed: LanePlaces,
     graph: LaneGraph,
     component: IntArray,
     speed_mps: FloatArray,

@@ -23,7 +23,7 @@ from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import HIDDEN, Tracks
 from mmpf.undetected.apart import BESIDE_LANE_M, Apart, offsets
 from mmpf.undetected.cells import CELL_M, LaneCells, cells_of
-from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.detection_probability import detection_probabilities
 from mmpf.visibility.missed_runs import run_expected
 from mmpf.visibility.range_profile import AS_PROMISED, Reach
@@ -234,7 +234,7 @@ class UnseenTraffic:
         options, tracks = self.options, apart.tracks
         size = len(tracks) + 1
         turn = self.road.axis_of(np.append(apart.heading_rad, 0.0))
-        bodies = Bodies(np.full(size, options.length_m), np.full(size, options.width_m), turn)
+        bodies = Occluders(np.full(size, options.length_m), np.full(size, options.width_m), turn)
         casts = np.append((tracks.existence >= CASTS_FROM) & apart.known, False)
         lon, lat = np.append(tracks.lon_m, 0.0), np.append(tracks.lat_m, 0.0)
         table = depth_table(plane, lon, lat, casts, bodies)

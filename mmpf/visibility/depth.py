@@ -21,7 +21,7 @@ WALLS_WITHIN_M = 250.0
 
 
 @dataclass(frozen=True)
-class Bodies:
+class Occluders:
     """Sizes of the components' vehicles, struct of arrays of shape (m,).
 
     Attributes:
@@ -56,7 +56,7 @@ class DepthTable:
 
 
 def depth_table(
-    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, casts_shadow: BoolArray, bodies: Bodies
+    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, casts_shadow: BoolArray, bodies: Occluders
 ) -> DepthTable:
     """Return the surfaces that the components' rectangles present to the sensor.
 
@@ -77,7 +77,7 @@ def depth_table(
     return DepthTable(depth, caster, heading)
 
 
-def headings_in_plane(plane: SensorPlane, lon_m: FloatArray, bodies: Bodies) -> FloatArray:
+def headings_in_plane(plane: SensorPlane, lon_m: FloatArray, bodies: Occluders) -> FloatArray:
     """Return the bodies' headings against the plane's x axis, shape (m,)."""
     along_the_road = plane.heading_rad(lon_m)
     return along_the_road if bodies.turn_rad is None else along_the_road + bodies.turn_rad

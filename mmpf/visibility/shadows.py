@@ -12,7 +12,7 @@ from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.threads import in_shares
 from mmpf.scan import FreeSpace
-from mmpf.visibility.depth import Bodies, DepthTable, headings_in_plane
+from mmpf.visibility.depth import DepthTable, Occluders, headings_in_plane
 
 LARGEST_RAY_COUNT = 16
 # Where the rays over a vehicle's extent lie, as shares of its half-width.
@@ -20,7 +20,7 @@ RAY_PLACES = (2.0 * np.arange(LARGEST_RAY_COUNT) + 1.0) / LARGEST_RAY_COUNT - 1.
 
 
 def visible_fractions(
-    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, bodies: Bodies, table: DepthTable
+    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, component: IntArray, bodies: Occluders, table: DepthTable
 ) -> FloatArray:
     """Return the share of each particle's angular extent that no other component's shadow covers, shape (n,).
 
@@ -46,7 +46,7 @@ def visible_fractions(
 
 
 def shadowed_share(
-    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, bodies: Bodies, free_space: FreeSpace
+    plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, bodies: Occluders, free_space: FreeSpace
 ) -> FloatArray:
     """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,).
 

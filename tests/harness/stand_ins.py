@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes, follow
-from harness.running.looks import Looks, Streams, look_at
+from harness.running.looks import Looks, RandomStreams, look_at
 from harness.running.open import OpenLooks
 from harness.running.recorder import ColumnRecorder, RunTables
 from harness.sensor.detector import build_sensor
@@ -27,7 +27,7 @@ from tests.harness.closedloop.frames import frame_of
 def track(looks, build, seed, watchers=(), times=None) -> RunTables:
     """Follow looks to their end and return what a run of this root seed records."""
     recorder = ColumnRecorder()
-    follow(looks, build, recorder, Streams.from_seed(seed).tracker, watchers, times or StageTimes())
+    follow(looks, build, recorder, RandomStreams.from_seed(seed).tracker, watchers, times or StageTimes())
     return recorder.tables()
 
 

@@ -91,14 +91,14 @@ def make_study_of(options: Mapping[str, Any]) -> None:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _StudyOutput:
     """A study's output on stdout, for programs and for people."""
 
     numbers: dict[str, Any]
     text: str
 
 
-def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
+def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _StudyOutput:
     def runs_of(request: GridRequest, out: Path) -> pd.DataFrame:
         run_stress(
             request,
@@ -116,22 +116,22 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _Told:
         f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, the default "
         "model unless an arm says otherwise."
     )
-    return _Told(write_ablation(rows, ideal, setting, folder), as_markdown(rows, ideal, setting))
+    return _StudyOutput(write_ablation(rows, ideal, setting, folder), as_markdown(rows, ideal, setting))
 
 
 def _make_transfer(
     plan: transfer.TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
-) -> _Told:
+) -> _StudyOutput:
     before = "study transfer: recording, reading and fitting"
     with progress_bar("study transfer: predicting", transfer.PREDICTIONS, quiet, before) as advance:
         result = transfer.make_transfer_study(plan, network, say, advance)
     transfer_text.write_transfer(result, folder)
-    return _Told(transfer_text.as_json(result), transfer_text.as_markdown(result))
+    return _StudyOutput(transfer_text.as_json(result), transfer_text.as_markdown(result))
 
 
 def _make_published(
     plan: published.StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
-) -> _Told:
+) -> _StudyOutput:
     runs = plan.runs if plan.study in published.MODELS else 1
     title = f"study {plan.study}"
     try:
@@ -140,4 +140,4 @@ def _make_published(
     except ValueError as error:
         raise InputError(f"`model_file` {plan.model_file}: {error}") from error
     study_text.write_study(result, setting, folder)
-    return _Told(study_text.as_json(result, setting), study_text.as_markdown(result, setting))
+    return _StudyOutput(study_text.as_json(result, setting), study_text.as_markdown(result, setting))

@@ -14,8 +14,16 @@ from harness.common.errors import InputError
 from harness.lab.fidelity.fields import Fields, read_fields
 from harness.lab.fidelity.lanes import LaneShare, lane_shares
 from harness.lab.fidelity.measured import MeasuredSite, measure, read_measured
-from harness.lab.fidelity.samples import RATE, RATE_UNIT, UNITS, Samples, merged, recorded_samples, recording_files
-from harness.lab.fidelity.simulate import Run, RunJob, simulate_all
+from harness.lab.fidelity.samples import (
+    RATE,
+    RATE_UNIT,
+    UNITS,
+    BehaviourSamples,
+    merged,
+    recorded_samples,
+    recording_files,
+)
+from harness.lab.fidelity.simulate import RunJob, SimulatedRun, simulate_all
 from harness.lab.fidelity.statistics import PeriodStatistics, Target, period_statistics, targets
 from harness.truth.network.network import Network
 
@@ -90,7 +98,7 @@ class Fidelity:
     periods: tuple[Period, ...]
     distances: tuple[Distance, ...]
     lanes: tuple[LaneShare, ...]
-    samples: tuple[Samples, Samples] | None
+    samples: tuple[BehaviourSamples, BehaviourSamples] | None
     left_out: tuple[str, ...]
     setting: Mapping[str, Any]
 
@@ -164,7 +172,7 @@ def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable
     )
 
 
-def distances(simulated: Samples, recorded: Samples) -> tuple[Distance, ...]:
+def distances(simulated: BehaviourSamples, recorded: BehaviourSamples) -> tuple[Distance, ...]:
     """Return the distances of all quantities that both sides have samples of."""
     found = []
     for quantity, unit in UNITS.items():
@@ -190,7 +198,12 @@ def _measured(network: Network, request: FidelityRequest) -> tuple[MeasuredSite,
 
 
 def _period(
-    demand: str, runs: Sequence[Run], site: MeasuredSite, recorded: Fields | None, duration_s: float, lanes: int
+    demand: str,
+    runs: Sequence[SimulatedRun],
+    site: MeasuredSite,
+    recorded: Fields | None,
+    duration_s: float,
+    lanes: int,
 ) -> Period:
     entry = site.periods[demand]
     kept = [run.fields.between(entry.skip_s, duration_s) for run in runs]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.lab.fidelity.samples import Samples
+from harness.lab.fidelity.samples import BehaviourSamples
 from mmpf.numerics.arrays import FloatArray
 
 RESAMPLES = 1000
@@ -30,7 +30,7 @@ class LaneShare:
     measured_flow_interval: tuple[float, float]
 
 
-def lane_shares(simulated: Samples, recorded: Samples) -> tuple[LaneShare, ...]:
+def lane_shares(simulated: BehaviourSamples, recorded: BehaviourSamples) -> tuple[LaneShare, ...]:
     """Compare each main lane; none where one side has no vehicle on a lane."""
     pieces = recorded.by_lane
     if not (simulated.by_lane.sum(axis=0) > 0.0).all() or not (pieces.sum(axis=0) > 0.0).all():

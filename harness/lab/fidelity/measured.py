@@ -23,11 +23,11 @@ PART_S = 300.0
 MEASURED_COMMENT = "Made from recordings by `python -m harness calibrate --fields ... --recordings ... --write`."
 
 
-class _Strict(BaseModel):
+class _StrictModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-class MeasuredPeriod(_Strict):
+class MeasuredPeriod(_StrictModel):
     """One period of a site.
 
     Attributes:
@@ -45,14 +45,14 @@ class MeasuredPeriod(_Strict):
     parts: tuple[PeriodStatistics, ...]
 
 
-class MeasuredVehicles(_Strict):
+class MeasuredVehicles(_StrictModel):
     """What single vehicles of a site do, and which recordings that is taken from."""
 
     source: str
     figures: VehicleStatistics
 
 
-class MeasuredSite(_Strict):
+class MeasuredSite(_StrictModel):
     """The content of ``measured.toml``.
 
     Attributes:

@@ -57,7 +57,7 @@ class VehicleStatistics:
 
 
 @dataclass(frozen=True)
-class Samples:
+class BehaviourSamples:
     """Samples of each quantity of ``UNITS``, and how many lane changes there were on how many kilometres.
 
     Attributes:
@@ -83,10 +83,10 @@ class Samples:
         return VehicleStatistics(self.changes_per_km, spread)
 
 
-def merged(parts: Iterable[Samples]) -> Samples:
+def merged(parts: Iterable[BehaviourSamples]) -> BehaviourSamples:
     """Return the samples of several runs or recordings as one."""
     listed = list(parts)
-    return Samples(
+    return BehaviourSamples(
         values={name: np.concatenate([part.values[name] for part in listed]) for name in UNITS},
         lane_changes=sum(part.lane_changes for part in listed),
         vehicle_km=sum(part.vehicle_km for part in listed),
@@ -115,13 +115,13 @@ class Sampler:
             self._take(frame, number % self._every == 0)
             yield frame
 
-    def samples(self) -> Samples:
+    def samples(self) -> BehaviourSamples:
         """Return all samples taken."""
         durations = np.array(list(self._lane_changes()), dtype=np.float64)
         values = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in self._values.items()}
         sizes = np.array(list(self._sizes.values()), dtype=np.float64).reshape(-1, 2)
         values |= {"lane_change_duration": durations, "vehicle_length": sizes[:, 0], "vehicle_width": sizes[:, 1]}
-        return Samples(values, len(durations), self._travelled_m / 1000.0, self._by_lane[np.newaxis])
+        return BehaviourSamples(values, len(durations), self._travelled_m / 1000.0, self._by_lane[np.newaxis])
 
     def _take(self, frame: Frame, sampled: bool) -> None:
         inside = (frame.lane != NO_LANE) & (frame.lon_m >= self._start_m) & (frame.lon_m < self._end_m)
@@ -201,7 +201,7 @@ def recording_files(paths: Sequence[Path]) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def recorded_samples(files: Iterable[Path], net: str) -> Samples:
+def recorded_samples(files: Iterable[Path], net: str) -> BehaviourSamples:
     """Return the samples of all recordings as one.
 
     Raises:
@@ -223,7 +223,7 @@ def whole_recording(path: Path, net: str | None = None) -> RecordedTraffic:
     return traffic
 
 
-def _samples(path: Path, net: str) -> Samples:
+def _samples(path: Path, net: str) -> BehaviourSamples:
     traffic = whole_recording(path, net)
     sampler = Sampler(traffic.window_m, STEP_S)
     for _ in sampler.tap(traffic.frame(step, step, 0, int(traffic.stay[0])) for step in range(traffic.steps)):

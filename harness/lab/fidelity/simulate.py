@@ -11,7 +11,7 @@ from multiprocessing.process import BaseProcess
 from threading import Thread
 
 from harness.lab.fidelity.fields import Fields, fields_from_frames
-from harness.lab.fidelity.samples import Sampler, Samples
+from harness.lab.fidelity.samples import BehaviourSamples, Sampler
 from harness.truth.network.network import Network
 from harness.truth.sumo.simulation import open_traffic
 
@@ -19,11 +19,11 @@ from harness.truth.sumo.simulation import open_traffic
 
 
 @dataclass(frozen=True)
-class Run:
+class SimulatedRun:
     """The fields of a simulated run, and samples of what its vehicles did."""
 
     fields: Fields
-    samples: Samples
+    samples: BehaviourSamples
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class RunJob:
     duration_s: float
     seed: int
 
-    def run(self) -> Run:
+    def run(self) -> SimulatedRun:
         """Make the run in this process."""
         truth = open_traffic(self.network, demand=self.demand, duration_s=self.duration_s, seed=self.seed, ego=False)
         sampler = Sampler(self.network.section_m, truth.step_s)
@@ -43,10 +43,10 @@ class RunJob:
             fields = fields_from_frames(sampler.tap(truth.frames()), truth.step_s)
         finally:
             truth.close()
-        return Run(fields, sampler.samples())
+        return SimulatedRun(fields, sampler.samples())
 
 
-def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[Run]:
+def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[SimulatedRun]:
     """Make runs in processes of their own, since a process holds one simulation; return them in order."""
     count, context = min(workers, len(jobs)), get_context("spawn")
     with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:

@@ -13,7 +13,7 @@ from harness.common.files import save_figure, write_text
 from harness.common.markdown import markdown_table
 from harness.common.plots import strip
 from harness.lab.fit.mixture_em import SizeScore
-from harness.lab.windows.car_following import Following
+from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import following_cases
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import HORIZONS_S, score
@@ -88,7 +88,7 @@ class RegimeError:
     lon_m: tuple[float, ...]
 
 
-def errors_by_regime(model: MotionModel, windows: Following, step_s: float, seed: int) -> list[RegimeError]:
+def errors_by_regime(model: MotionModel, windows: CarFollowing, step_s: float, seed: int) -> list[RegimeError]:
     """Return the closed-loop errors in free driving, following, stop-and-go and after a cut-in."""
     led = windows.has_leader
     stop_and_go = led & (windows.speed_mps.min(axis=1) < STOP_AND_GO_BELOW_MPS)
@@ -103,7 +103,7 @@ def errors_by_regime(model: MotionModel, windows: Following, step_s: float, seed
     ]
 
 
-def _errors(model: MotionModel, regime: str, windows: Following, step_s: float, seed: int) -> RegimeError:
+def _errors(model: MotionModel, regime: str, windows: CarFollowing, step_s: float, seed: int) -> RegimeError:
     if not len(windows):
         return RegimeError(regime, 0, (float("nan"),) * len(HORIZONS_S))
     cases = following_cases(windows, CASES, step_s, np.random.default_rng(seed), led_only=False)

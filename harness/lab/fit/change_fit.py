@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.lab.fit.mixture_em import fit_mixture
 from harness.lab.windows.changing import LaneChanges
-from harness.lab.windows.neighbours import Others
+from harness.lab.windows.neighbours import NeighbourStates
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, TRAINED_STEP_S, ChangeView, change_inputs
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
@@ -93,7 +93,7 @@ def _astray(scatter: LateralScatter, shape: tuple[int, ...], rng: np.random.Gene
 def _view(changes: LaneChanges, flat: FloatArray, crossed: BoolArray, rng: np.random.Generator) -> ChangeView:
     own_length = np.repeat(changes.length_m, changes.state.shape[2] - 1)
 
-    def seen(others: Others, ahead: float, lost: BoolArray) -> tuple[FloatArray, FloatArray]:
+    def seen(others: NeighbourStates, ahead: float, lost: BoolArray) -> tuple[FloatArray, FloatArray]:
         distance = ahead * (others.lon_m[:, :-1].ravel() - flat[LON])
         gap = distance - 0.5 * (own_length + others.length_m[:, :-1].ravel())
         relative = others.speed_mps[:, :-1].ravel() - flat[SPEED]

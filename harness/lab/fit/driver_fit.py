@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.lab.fit.mixture_em import fit_mixture
 from harness.lab.fit.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
-from harness.lab.windows.car_following import Following
+from harness.lab.windows.car_following import CarFollowing
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
 from mmpf.motion.learned.features import log_headway, situation
@@ -30,7 +30,7 @@ PROPOSED_CHANGES = 10.0
 
 
 def fit_driver(
-    windows: Following,
+    windows: CarFollowing,
     changes_per_s: float,
     components: int,
     seed: int,
@@ -48,7 +48,7 @@ def fit_driver(
 
 
 def fit_follower(
-    windows: Following, components: int, seed: int, step_s: float, progress: Callable[[str], None]
+    windows: CarFollowing, components: int, seed: int, step_s: float, progress: Callable[[str], None]
 ) -> MixtureFollower:
     """Fit the learned driver's following mixture and its drivers' habits.
 
@@ -69,7 +69,7 @@ def fit_follower(
     return MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)
 
 
-def fit_short(windows: Following, components: int, seed: int) -> ScaledGmm:
+def fit_short(windows: CarFollowing, components: int, seed: int) -> ScaledGmm:
     """Fit the paper's short-term model, exactly its inputs and outputs, to unaltered samples."""
     rng = np.random.default_rng(seed)
     led = windows.take(np.flatnonzero(windows.has_leader))
@@ -78,7 +78,7 @@ def fit_short(windows: Following, components: int, seed: int) -> ScaledGmm:
     return fit_mixture(x[chosen], y[chosen], components, seed)
 
 
-def short_samples(led: Following) -> tuple[FloatArray, FloatArray]:
+def short_samples(led: CarFollowing) -> tuple[FloatArray, FloatArray]:
     """Return all samples of the paper's inputs (n, 5) and outputs (n, 4)."""
     distance = led.gap_m + led.leader_length_m[:, None]
     now, then = slice(None, -1), slice(1, None)
@@ -90,7 +90,7 @@ def short_samples(led: Following) -> tuple[FloatArray, FloatArray]:
     return x, np.stack([offset, advance, speed, accel], axis=1)
 
 
-def driver_habit(led: Following) -> FloatArray:
+def driver_habit(led: CarFollowing) -> FloatArray:
     """Return each window's driver's mean log time headway over all its windows' steady moments, shape (windows,)."""
     closing = np.abs(led.speed_mps - led.leader_speed_mps)
     steady = (closing < STEADY_CLOSING_MPS) & (np.abs(led.accel_mps2) < STEADY_ACCEL_MPS2)
@@ -102,24 +102,24 @@ def driver_habit(led: Following) -> FloatArray:
     return np.asarray((total / np.maximum(norm, 1e-9))[led.vehicle])
 
 
-def situation_columns(led: Following) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+def situation_columns(led: CarFollowing) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the inputs of a driver's situation, in the order of ``situation``, each (windows, steps)."""
     return led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2
 
 
-def following_records(led: Following, habit: FloatArray, step_s: float) -> FollowingRecords:
+def following_records(led: CarFollowing, habit: FloatArray, step_s: float) -> FollowingRecords:
     """Return what the recovery samples are drawn from."""
     return FollowingRecords(*situation_columns(led), habit[:, None], step_s)
 
 
-def _fit_habit(led: Following, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
+def _fit_habit(led: CarFollowing, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
     window = np.tile(np.arange(len(led)), HABIT_SITUATIONS_PER_WINDOW)
     step = rng.integers(led.lon_m.shape[1], size=len(window))
     seen = situation(*(column[window, step] for column in situation_columns(led)))
     return fit_mixture(seen, habit[window, None], HABIT_COMPONENTS, seed)
 
 
-def _fit_free(free: Following, step_s: float) -> FreeDriver:
+def _fit_free(free: CarFollowing, step_s: float) -> FreeDriver:
     """Fit by least squares; a driver's desired speed is its mean speed at the window's end."""
     settle = 20
     desired = free.speed_mps[:, -settle:].mean(axis=1)
@@ -136,7 +136,7 @@ def _fit_free(free: Following, step_s: float) -> FreeDriver:
     return FreeDriver(lag, float(np.clip(pull / lag, 0.05, 2.0)), float(noise), per_accel, spread)
 
 
-def _fit_keeper(windows: Following, changes_per_s: float, step_s: float) -> LaneKeeper:
+def _fit_keeper(windows: CarFollowing, changes_per_s: float, step_s: float) -> LaneKeeper:
     """Fit the pull to each window's mean place in the lane by least squares; what is left is the noise."""
     place = windows.offset_m.mean(axis=1)
     away, lat_speed = windows.offset_m[:, :-1] - place[:, None], windows.lat_speed_mps[:, :-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.lab.fit.driver_fit import situation_columns
-from harness.lab.windows.car_following import Following
+from harness.lab.windows.car_following import CarFollowing
 from mmpf.motion.learned.empirical import EmpiricalFollower
 from mmpf.motion.learned.features import situation
 from mmpf.numerics.arrays import FloatArray, IntArray
@@ -16,7 +16,7 @@ QUANTILES = 9
 FEWEST = 30
 
 
-def fit_empirical(led: Following) -> EmpiricalFollower:
+def fit_empirical(led: CarFollowing) -> EmpiricalFollower:
     """Count the changes of acceleration until the next step of all windows, which must have leaders.
 
     A cell with fewer than 30 moments takes those of its gap, speed and acceleration whatever the closing speed, then

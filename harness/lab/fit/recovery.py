@@ -48,14 +48,16 @@ class FollowingRecords:
 
 
 @dataclass(frozen=True)
-class Samples:
+class RecoverySamples:
     """Inputs of shape (n, p) and outputs of shape (n, q)."""
 
     x: FloatArray
     y: FloatArray
 
 
-def recovery_samples(records: FollowingRecords, count: int, gains: RecoveryGains, rng: np.random.Generator) -> Samples:
+def recovery_samples(
+    records: FollowingRecords, count: int, gains: RecoveryGains, rng: np.random.Generator
+) -> RecoverySamples:
     """Draw samples of the records, most of them perturbed and labelled with the way back."""
     windows, steps = records.gap_m.shape
     window, step = rng.integers(windows, size=count), rng.integers(steps - 1, size=count)
@@ -69,12 +71,12 @@ def recovery_samples(records: FollowingRecords, count: int, gains: RecoveryGains
     x = _inputs(records, window, step, recorded_gap - astray_m, speed, accel)
     recorded_next = records.accel_mps2[window, step + 1]
     back = _way_back(accel, recorded_next, astray_m, speed - recorded_speed, gains, records.step_s)
-    return Samples(x, np.where(perturbed, back, recorded_next)[:, None])
+    return RecoverySamples(x, np.where(perturbed, back, recorded_next)[:, None])
 
 
 def demonstrated_samples(
     records: FollowingRecords, model: ScaledGmm, rollouts: int, gains: RecoveryGains, rng: np.random.Generator
-) -> Samples:
+) -> RecoverySamples:
     """Roll the model out behind the leaders of some windows and label the states that it reaches with the way back.
 
     The model's output is the acceleration of the next step.
@@ -98,7 +100,7 @@ def demonstrated_samples(
         astray_m = astray_m + records.step_s * (0.5 * (speed + next_speed) - recorded_mean)
         accel = (next_speed - speed) / records.step_s
         speed = next_speed
-    return Samples(np.concatenate(inputs), np.concatenate(outputs))
+    return RecoverySamples(np.concatenate(inputs), np.concatenate(outputs))
 
 
 def _inputs(

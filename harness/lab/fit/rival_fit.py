@@ -17,7 +17,7 @@ from scipy.optimize import Bounds, differential_evolution
 
 from harness.common.files import write_toml
 from harness.lab.fit.card import TRAFFIC
-from harness.lab.windows.car_following import Following
+from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import Cases, following_cases
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import HORIZONS_S, score
@@ -49,13 +49,13 @@ Found by maximum likelihood of the state one second on, over the tuning seeds.""
 Adaptive = tuple[IdmParameters, Adaptation]
 
 
-def fit_idm(windows: Following, seed: int, step_s: float) -> IdmParameters:
+def fit_idm(windows: CarFollowing, seed: int, step_s: float) -> IdmParameters:
     """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length."""
     found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
     return _driver(found)
 
 
-def fit_adaptive(windows: Following, seed: int, step_s: float) -> Adaptive:
+def fit_adaptive(windows: CarFollowing, seed: int, step_s: float) -> Adaptive:
     """Fit the adaptive form in the same way, and how long and how far drivers deviate from it."""
     bounds = (*DRIVER_BOUNDS, *ADAPTATION_BOUNDS)
     found = _search(lambda values: AdaptiveDriver(*_adaptive(values), NO_NOISE), bounds, windows, seed, step_s)
@@ -129,7 +129,7 @@ def _adaptive(values: FloatArray) -> Adaptive:
 def _search(
     model_of: Callable[[FloatArray], MotionModel],
     bounds: Sequence[tuple[float, float]],
-    windows: Following,
+    windows: CarFollowing,
     seed: int,
     step_s: float,
 ) -> FloatArray:

@@ -26,7 +26,7 @@ from harness.lab.fit.empirical_fit import QUANTILES, fit_empirical
 from harness.lab.fit.mixture_em import START_SAMPLES, SizeScore, sweep_sizes
 from harness.lab.fit.recovery import RecoveryGains, recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
-from harness.lab.windows.car_following import STEPS, Following, load_following
+from harness.lab.windows.car_following import STEPS, CarFollowing, load_following
 from harness.lab.windows.cases import cases_of, lane_change_cases
 from harness.lab.windows.changing import LaneChanges, changes_to_one_side_per_s, load_changes
 from harness.lab.windows.recording import load_all
@@ -111,7 +111,12 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
 
 
 def _fit_rivals(
-    plan: TrainingPlan, network: Network, windows: Following, held_out: Following, held_changes: LaneChanges, say: Say
+    plan: TrainingPlan,
+    network: Network,
+    windows: CarFollowing,
+    held_out: CarFollowing,
+    held_changes: LaneChanges,
+    say: Say,
 ) -> None:
     """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
     say("fitting the rivals' parameters and noise")
@@ -123,7 +128,7 @@ def _fit_rivals(
 
 
 def _train_keeping(
-    plan: TrainingPlan, net: Network, windows: Following, changes_per_s: float, held_out: Following, say: Say
+    plan: TrainingPlan, net: Network, windows: CarFollowing, changes_per_s: float, held_out: CarFollowing, say: Say
 ) -> list[Path]:
     led = windows.take(np.flatnonzero(windows.has_leader))
     if len(led) < plan.size:
@@ -174,7 +179,9 @@ def _train_keeping(
     return [own, short]
 
 
-def _train_follower(plan: TrainingPlan, net: Network, windows: Following, held_out: Following, say: Say) -> list[Path]:
+def _train_follower(
+    plan: TrainingPlan, net: Network, windows: CarFollowing, held_out: CarFollowing, say: Say
+) -> list[Path]:
     """Fit a follower that is no mixture; everything else is taken from the committed learned driver."""
     led = windows.take(np.flatnonzero(windows.has_leader))
     say(f"{len(windows)} windows of 10 s, {len(led)} of them behind a leader")
@@ -233,7 +240,7 @@ def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralSca
 
 
 def _keeping_sweeps(
-    plan: TrainingPlan, led: Following, say: Say, rng: np.random.Generator
+    plan: TrainingPlan, led: CarFollowing, say: Say, rng: np.random.Generator
 ) -> tuple[list[SizeScore], list[SizeScore]]:
     records = following_records(led, driver_habit(led), STEP_S)
     own = recovery_samples(records, SWEEP_SAMPLES, RecoveryGains(), rng)

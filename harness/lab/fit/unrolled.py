@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from harness.lab.windows.car_following import Following
+from harness.lab.windows.car_following import CarFollowing
 from mmpf.motion.learned.features import SMALLEST_GAP_M, log_headway
 from mmpf.motion.learned.follower import FURTHEST_LEADER_M
 from mmpf.motion.learned.residual import (
@@ -25,7 +25,7 @@ from mmpf.motion.learned.residual import (
     STRONGEST_LEADER_MPS2,
     TIME_SCALES_S,
     USUAL_DRIVER,
-    Network,
+    NetworkWeights,
 )
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -71,7 +71,9 @@ class Rollouts:
     true_speed_mps: Array
 
 
-def fit_residual(windows: Following, seed: int, say: Callable[[str], None], iterations: int | None = None) -> Network:
+def fit_residual(
+    windows: CarFollowing, seed: int, say: Callable[[str], None], iterations: int | None = None
+) -> NetworkWeights:
     """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015)."""
     iterations, rng = iterations or ITERATIONS, np.random.default_rng(seed)
     scaling = _scaling(windows.take(np.flatnonzero(windows.has_leader)))
@@ -104,7 +106,7 @@ def first_weights(rng: np.random.Generator, hidden: int) -> Weights:
     return {name: w.astype(np.float32) for name, w in (drawn | {"lag": np.array([-1.7])}).items()}
 
 
-def _scaling(led: Following) -> Network:
+def _scaling(led: CarFollowing) -> NetworkWeights:
     """Return a network that has nothing yet but the scaling of its inputs."""
     headway = np.repeat(log_headway(led.gap_m[:, 0], led.speed_mps[:, 0]), led.gap_m.shape[1])
     columns = (np.log(np.maximum(led.gap_m, SMALLEST_GAP_M)), led.speed_mps, led.accel_mps2)
@@ -112,10 +114,10 @@ def _scaling(led: Following) -> Network:
     seen = np.stack([*(column.ravel() for column in (*columns, *leader)), headway])
     low, high = np.quantile(seen, RANGE_QUANTILES, axis=1)
     parts = (low, high, seen.mean(axis=1), seen.std(axis=1) + 1e-6)
-    return Network(*(part.astype(np.float32) for part in parts), *[np.zeros(1, dtype=np.float32)] * 7)
+    return NetworkWeights(*(part.astype(np.float32) for part in parts), *[np.zeros(1, dtype=np.float32)] * 7)
 
 
-def rollouts_of(windows: Following, chosen: IntArray, particles: int, rng: np.random.Generator) -> Rollouts:
+def rollouts_of(windows: CarFollowing, chosen: IntArray, particles: int, rng: np.random.Generator) -> Rollouts:
     """Return rollouts of the windows ``chosen``, many of them with leaders that are not quite the true ones."""
 
     def particles_of(column: FloatArray) -> Array:
@@ -144,7 +146,7 @@ def rollouts_of(windows: Following, chosen: IntArray, particles: int, rng: np.ra
 
 
 @dataclass(frozen=True)
-class _Kept:
+class _StepCache:
     """What a step leaves for the way back: inputs, units, their slopes and those of IDM's acceleration."""
 
     inputs: Array
@@ -158,7 +160,7 @@ class _Kept:
     by_speed: Array
 
 
-def score_and_gradient(weights: Weights, scaling: Network, rollouts: Rollouts) -> tuple[float, Weights]:
+def score_and_gradient(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[float, Weights]:
     """Return the score of the particles and its gradient with respect to the weights.
 
     Args:
@@ -222,7 +224,7 @@ def _usual(gap: Array, speed: Array, leader_speed: Array, led: npt.NDArray[np.bo
     return np.clip(accel, low, high), counts * by_gap, counts * by_speed
 
 
-def _roll(weights: Weights, scaling: Network, rollouts: Rollouts) -> tuple[Array, Array, list[_Kept]]:
+def _roll(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[Array, Array, list[_StepCache]]:
     """Return places and speeds of all particles, shape (steps, n), and what the way back needs."""
     lag = _share(weights["lag"])[0]
     speed, accel = rollouts.speed_mps, rollouts.accel_mps2
@@ -247,7 +249,7 @@ def _roll(weights: Weights, scaling: Network, rollouts: Rollouts) -> tuple[Array
         moves, near = next_speed > 0.0, (distance > SMALLEST_GAP_M) & led
         within = (seen > low) & (seen < high)
         within[3] &= led
-        tape.append(_Kept(inputs, within, first, second, pull, moves, near / gap, near * by_gap, by_speed))
+        tape.append(_StepCache(inputs, within, first, second, pull, moves, near / gap, near * by_gap, by_speed))
         next_speed = np.where(moves, next_speed, 0.0).astype(speed.dtype)
         accel = np.where(moves, accel + lag * pull, 0.0).astype(speed.dtype)
         place = (place + 0.5 * DT * (speed + next_speed)).astype(speed.dtype)
@@ -258,7 +260,9 @@ def _roll(weights: Weights, scaling: Network, rollouts: Rollouts) -> tuple[Array
     return np.stack(places), np.stack(speeds), tape
 
 
-def _back(weights: Weights, scaling: Network, tape: list[_Kept], by_places: Array, by_speeds: Array) -> Weights:
+def _back(
+    weights: Weights, scaling: NetworkWeights, tape: list[_StepCache], by_places: Array, by_speeds: Array
+) -> Weights:
     """Return the gradient with respect to the weights, given the score's slopes by places and speeds, (steps, n)."""
     lag = _share(weights["lag"])[0]
     gradient: Weights = {name: np.zeros(w.shape) for name, w in weights.items()}

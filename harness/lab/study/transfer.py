@@ -23,13 +23,13 @@ from harness.lab.study.transfer_outcomes import (
     ON_REAL,
     ON_SUMO,
     UNTRAINED,
-    Comparison,
     HeldOut,
-    Outcome,
+    ModelComparison,
     TrainedModel,
+    TransferOutcome,
     compare_transfer,
 )
-from harness.lab.windows.car_following import STEPS, Following, following_windows, join, load_following
+from harness.lab.windows.car_following import STEPS, CarFollowing, following_windows, join, load_following
 from harness.lab.windows.cases import cases_of, following_cases
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.pairs import EDGE_S, pair_windows, recording_of
@@ -87,8 +87,8 @@ class TransferPlan:
 class TransferResult:
     """All of the study's numbers; ``setting`` says how it was made."""
 
-    outcomes: Sequence[Outcome]
-    comparisons: Sequence[Comparison]
+    outcomes: Sequence[TransferOutcome]
+    comparisons: Sequence[ModelComparison]
     setting: Mapping[str, Any]
 
     def rows(self) -> list[dict[str, Any]]:
@@ -139,12 +139,12 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         for model in models:
             for test in parts:
                 clouds = follow(model.model, test.cases, plan.particles, np.random.default_rng([plan.seed, 2]))
-                outcomes.append(Outcome(model, test, score(clouds, test.cases)))
+                outcomes.append(TransferOutcome(model, test, score(clouds, test.cases)))
                 progress()
     return TransferResult(outcomes, compare_transfer(outcomes), _setting(plan, network, tests, training, both))
 
 
-def fitted_models(windows: Following, trained_on: str, seed: int, say: Say) -> list[TrainedModel]:
+def fitted_models(windows: CarFollowing, trained_on: str, seed: int, say: Say) -> list[TrainedModel]:
     """Fit every learned kind of model to the same windows with leaders.
 
     Of ``gmm`` the following mixture and the drivers' habits are fitted, of ``residual`` the network; driving without a
@@ -173,7 +173,7 @@ def _lane_keeping(model: MotionModel) -> MotionModel:
     return without_lane_changes(model) if isinstance(model, LearnedDriver) else model
 
 
-def split_pairs(windows: Following, seed: int) -> tuple[Following, Following]:
+def split_pairs(windows: CarFollowing, seed: int) -> tuple[CarFollowing, CarFollowing]:
     """Return the windows of one half of the pairs for training, and those of the other half for the test.
 
     Raises:
@@ -189,14 +189,14 @@ def split_pairs(windows: Following, seed: int) -> tuple[Following, Following]:
     return windows.take(np.flatnonzero(trains)), windows.take(np.flatnonzero(~trains))
 
 
-def mixed(simulated: Following, real: Following, most: int, seed: int) -> Following:
+def mixed(simulated: CarFollowing, real: CarFollowing, most: int, seed: int) -> CarFollowing:
     """Return as many simulated as real windows, at most ``most`` of either; real ones come several times."""
     count = min(most, len(simulated))
     chosen = np.random.default_rng([seed, 4]).choice(len(simulated), size=count, replace=False)
     return join([simulated.take(np.sort(chosen)), real.take(np.resize(np.arange(len(real)), count))])
 
 
-def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> Following:
+def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> CarFollowing:
     """Cut windows from files of recorded traffic; a line for each file says how many vehicles gave any.
 
     Raises:
@@ -218,7 +218,7 @@ def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> Following:
     return found
 
 
-def held_out(tested_on: str, windows: Following, horizons_s: tuple[float, ...]) -> HeldOut:
+def held_out(tested_on: str, windows: CarFollowing, horizons_s: tuple[float, ...]) -> HeldOut:
     """Return windows as a test; every window is a case."""
     return HeldOut(tested_on, cases_of(windows, STEP_S), windows.vehicle, horizons_s)
 
@@ -230,13 +230,13 @@ def _simulated_test(plan: TransferPlan, network: Network, say: Say) -> HeldOut:
     return HeldOut(SUMO, cases, np.arange(cases.count), HORIZONS_S)
 
 
-def _simulated_windows(wanted: Sequence[Scenario], plan: TransferPlan, network: Network, say: Say) -> Following:
+def _simulated_windows(wanted: Sequence[Scenario], plan: TransferPlan, network: Network, say: Say) -> CarFollowing:
     windows = load_following(record_scenarios(network, wanted, plan.cache, say), network.road)
     return windows.take(np.flatnonzero(windows.has_leader))
 
 
 def _setting(
-    plan: TransferPlan, network: Network, tests: Sequence[HeldOut], training: Following, both: Following
+    plan: TransferPlan, network: Network, tests: Sequence[HeldOut], training: CarFollowing, both: CarFollowing
 ) -> dict[str, Any]:
     tested: dict[str, str] = {}
     for test in tests:

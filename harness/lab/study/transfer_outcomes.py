@@ -49,7 +49,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TransferOutcome:
     """How one model did on the cases of one test."""
 
     model: TrainedModel
@@ -62,7 +62,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ModelComparison:
     """A model trained on simulated traffic alone beside another one, by the mean absolute longitudinal error.
 
     The difference is the model's less the other's, case by case; its interval is over vehicles.
@@ -90,7 +90,7 @@ class Comparison:
         return low > 0.0 or high < 0.0
 
 
-def compare_transfer(outcomes: Sequence[Outcome]) -> list[Comparison]:
+def compare_transfer(outcomes: Sequence[TransferOutcome]) -> list[ModelComparison]:
     """Compare the learned models that know simulated traffic alone with the rivals, and with real training."""
     by_key = {
         (outcome.test.tested_on, horizon, outcome.model.name, outcome.model.trained_on): outcome
@@ -106,15 +106,15 @@ def compare_transfer(outcomes: Sequence[Outcome]) -> list[Comparison]:
     ]
 
 
-def _comparison(own: Outcome, rival: Outcome, horizon_s: float) -> Comparison:
+def _comparison(own: TransferOutcome, rival: TransferOutcome, horizon_s: float) -> ModelComparison:
     own_m, rival_m = own.errors_m(horizon_s), rival.errors_m(horizon_s)
     interval = bootstrap_ci(own_m - rival_m, np.random.default_rng(0), own.test.vehicle, draws=RESAMPLES)
     means = float(own_m.mean()), float(rival_m.mean()), float((own_m - rival_m).mean())
     labels = own.model.label, rival.model.label, rival.model.trained_on
-    return Comparison(own.test.tested_on, horizon_s, *labels, *means, (interval.low, interval.high))
+    return ModelComparison(own.test.tested_on, horizon_s, *labels, *means, (interval.low, interval.high))
 
 
-def summary_lines(comparisons: Sequence[Comparison]) -> list[str]:
+def summary_lines(comparisons: Sequence[ModelComparison]) -> list[str]:
     """Return one line for each test and model trained on simulated traffic: which models it loses to, and when."""
     lines = []
     for tested_on, own in dict.fromkeys((each.tested_on, each.own) for each in comparisons):
@@ -125,7 +125,7 @@ def summary_lines(comparisons: Sequence[Comparison]) -> list[str]:
     return lines
 
 
-def _by_rival(lost: Iterable[Comparison]) -> str:
+def _by_rival(lost: Iterable[ModelComparison]) -> str:
     times: dict[str, list[str]] = {}
     for each in lost:
         times.setdefault(each.rival, []).append(f"{each.horizon_s:g} s{'' if each.clear else ' (not clear)'}")

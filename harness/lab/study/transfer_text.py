@@ -16,7 +16,7 @@ from harness.common.plots import label_ends, strip
 from harness.lab.study.figures import COLOURS
 from harness.lab.study.study_text import DECIMALS, error_cell, setting_line
 from harness.lab.study.transfer import SHORT_STEPS, TransferResult
-from harness.lab.study.transfer_outcomes import ON_BOTH, ON_REAL, Comparison, Outcome, summary_lines
+from harness.lab.study.transfer_outcomes import ON_BOTH, ON_REAL, ModelComparison, TransferOutcome, summary_lines
 
 FIGURE = "transfer-errors.png"
 DASHES = {ON_REAL: "--", ON_BOTH: ":"}
@@ -65,7 +65,7 @@ def as_markdown(result: TransferResult) -> str:
     )
 
 
-def _line(each: Comparison) -> list[str]:
+def _line(each: ModelComparison) -> list[str]:
     return [
         each.tested_on,
         f"{each.horizon_s:g} s",
@@ -86,7 +86,7 @@ def _table(result: TransferResult) -> list[str]:
     return markdown_table(heads, ([*model, *cells.values()] for model, cells in models.items()))
 
 
-def errors_figure(outcomes: Sequence[Outcome]) -> Figure:
+def errors_figure(outcomes: Sequence[TransferOutcome]) -> Figure:
     """Draw the mean absolute position error over time, a panel for each traffic that was tested on."""
     names = list(dict.fromkeys(outcome.test.tested_on for outcome in outcomes))
     figure = Figure(figsize=(5.0 * len(names) + 1.2, 4.6), layout="constrained")

@@ -78,7 +78,7 @@ Scores = dict[str, float]
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedLooks:
     """One run's traffic and detections, that any number of trackers follow.
 
     Attributes:
@@ -95,16 +95,16 @@ class Recording:
     hard_share: float = 0.0
 
 
-def recordings_of(seed: int, duration_s: float, sensor: str) -> list[Recording]:
+def recordings_of(seed: int, duration_s: float, sensor: str) -> list[RecordedLooks]:
     """Return a seed's recordings: one for each density, and those in free flow with broken-down vehicles."""
     return [
-        *(Recording(density, seed, duration_s, sensor) for density in DENSITIES),
-        *(Recording(FREE_FLOW, seed, FREE_FLOW_S, sensor, broken, HARD_SHARE) for broken in BROKEN_DOWN),
+        *(RecordedLooks(density, seed, duration_s, sensor) for density in DENSITIES),
+        *(RecordedLooks(FREE_FLOW, seed, FREE_FLOW_S, sensor, broken, HARD_SHARE) for broken in BROKEN_DOWN),
     ]
 
 
 @cache
-def _looks(recording: Recording) -> Looks:
+def _looks(recording: RecordedLooks) -> Looks:
     traffic = {
         "net": "us101", "density": recording.density, "duration_s": recording.duration_s,
         "broken_down": recording.broken_down,
@@ -114,7 +114,7 @@ def _looks(recording: Recording) -> Looks:
     return open_looks(RunConfig.model_validate(config)).kept()
 
 
-def follow(tracker: str, options: Options, recording: Recording) -> Scores:
+def follow(tracker: str, options: Options, recording: RecordedLooks) -> Scores:
     """Return the scores of a tracker with given options, dotted keys with values, whatever its tuned ones are."""
     build = partial(build_tracker, tracker, options=_chosen(tracker, options), tuned=False)
     metrics = evaluate(_looks(recording), build, recording.seed).scores

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.lab.windows.neighbours import NOBODY, Others, clear_gap_m, order_by_lane, others_at, row_ahead
+from harness.lab.windows.neighbours import NOBODY, NeighbourStates, clear_gap_m, order_by_lane, others_at, row_ahead
 from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -22,7 +22,7 @@ CUT_IN_LEAST_M = 2.0
 
 
 @dataclass(frozen=True)
-class Following:
+class CarFollowing:
     """Windows of equal length of one vehicle each; arrays of shape (windows, steps) unless said.
 
     Attributes:
@@ -59,10 +59,10 @@ class Following:
         return np.isfinite(self.leader_length_m)
 
     @property
-    def leader(self) -> Others:
+    def leader(self) -> NeighbourStates:
         """The leaders."""
         length_m = np.broadcast_to(self.leader_length_m[:, None], self.leader_lon_m.shape)
-        return Others(self.leader_lon_m, self.leader_speed_mps, self.leader_accel_mps2, length_m)
+        return NeighbourStates(self.leader_lon_m, self.leader_speed_mps, self.leader_accel_mps2, length_m)
 
     @property
     def gap_m(self) -> FloatArray:
@@ -70,12 +70,12 @@ class Following:
         half_lengths = 0.5 * (self.length_m + self.leader_length_m)[:, None]
         return self.leader_lon_m - self.lon_m - half_lengths
 
-    def take(self, chosen: IntArray) -> Following:
+    def take(self, chosen: IntArray) -> CarFollowing:
         """Return some of the windows."""
-        return Following(**{column.name: getattr(self, column.name)[chosen] for column in fields(self)})
+        return CarFollowing(**{column.name: getattr(self, column.name)[chosen] for column in fields(self)})
 
 
-def following_windows(recording: Recording, road: Road, steps: int, step_s: float) -> Following:
+def following_windows(recording: Recording, road: Road, steps: int, step_s: float) -> CarFollowing:
     """Cut a recording into windows without lane changes nearby, whose leader stays the same.
 
     A window's vehicle changes no lane within the window nor in the five seconds before and after it; a leader further
@@ -97,17 +97,17 @@ def following_windows(recording: Recording, road: Road, steps: int, step_s: floa
     return _gather(recording, road, by_vehicle[rows], leader[rows], new_leader[start])
 
 
-def load_following(paths: Sequence[Path], road: Road) -> Following:
+def load_following(paths: Sequence[Path], road: Road) -> CarFollowing:
     """Cut recordings that lie in files into windows of 10 s."""
     return join([following_windows(recording, road, STEPS, STEP_S) for recording in load_all(paths)])
 
 
-def join(parts: Sequence[Following]) -> Following:
+def join(parts: Sequence[CarFollowing]) -> CarFollowing:
     """Put the windows of several recordings together; vehicles of different recordings stay apart."""
-    columns = {c.name: np.concatenate([getattr(part, c.name) for part in parts]) for c in fields(Following)}
+    columns = {c.name: np.concatenate([getattr(part, c.name) for part in parts]) for c in fields(CarFollowing)}
     first = np.cumsum([0, *[int(part.vehicle.max(initial=-1)) + 1 for part in parts[:-1]]])
     columns["vehicle"] = np.concatenate([part.vehicle + shift for part, shift in zip(parts, first, strict=True)])
-    return Following(**columns)
+    return CarFollowing(**columns)
 
 
 def _leader_rows(recording: Recording) -> IntArray:
@@ -138,11 +138,11 @@ def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) ->
     return np.asarray(np.repeat(run_start, windows) + offset * steps)
 
 
-def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> Following:
+def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> CarFollowing:
     strip = {lane.number: (lane.right_m, lane.left_m) for lane in road.lanes}
     lines = np.array([strip.get(int(number), (np.nan, np.nan)) for number in recording.lane[own[:, 0]]]).reshape(-1, 2)
     leaders = others_at(recording, leader)
-    return Following(
+    return CarFollowing(
         lon_m=recording.lon_m[own],
         offset_m=recording.lat_m[own] - lines.mean(axis=1)[:, None],
         speed_mps=recording.speed_mps[own],

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from harness.lab.windows.car_following import Following
+from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.changing import LaneChanges
-from harness.lab.windows.neighbours import Others
+from harness.lab.windows.neighbours import NeighbourStates
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import FloatArray
@@ -45,7 +45,7 @@ class Cases:
 
 
 def following_cases(
-    windows: Following, count: int, step_s: float, rng: np.random.Generator, led_only: bool = True
+    windows: CarFollowing, count: int, step_s: float, rng: np.random.Generator, led_only: bool = True
 ) -> Cases:
     """Choose windows, at most one of each vehicle, for the lane-keeping study."""
     order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
@@ -53,7 +53,7 @@ def following_cases(
     return cases_of(windows.take(order[np.sort(first)[:count]]), step_s)
 
 
-def cases_of(windows: Following, step_s: float) -> Cases:
+def cases_of(windows: CarFollowing, step_s: float) -> Cases:
     """Return every window as a case."""
     states = [_states_at(windows, step) for step in range(windows.lon_m.shape[1])]
     return Cases(np.stack(states), partial(_behind_leaders, windows), step_s)
@@ -92,7 +92,9 @@ def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden:
     )
 
 
-def _neighbour(others: Others, state: FloatArray, step: int, own_length: FloatArray, ahead: float) -> Neighbour:
+def _neighbour(
+    others: NeighbourStates, state: FloatArray, step: int, own_length: FloatArray, ahead: float
+) -> Neighbour:
     particles = state.shape[1] // len(others.lon_m)
     lon, speed, accel, length = (
         np.repeat(column[:, step], particles)
@@ -113,7 +115,7 @@ def _where(condition: npt.NDArray[np.bool_], yes: Neighbour, no: Neighbour) -> N
     return Neighbour(*(np.where(condition, getattr(yes, name), getattr(no, name)) for name in columns))
 
 
-def _states_at(windows: Following, step: int) -> FloatArray:
+def _states_at(windows: CarFollowing, step: int) -> FloatArray:
     """Return the true states at a step, shape (6, windows): lateral from the lane's middle, its acceleration zero."""
     state = np.empty((STATE_SIZE, len(windows)))
     state[LON], state[LAT] = windows.lon_m[:, step], windows.offset_m[:, step]
@@ -122,7 +124,7 @@ def _states_at(windows: Following, step: int) -> FloatArray:
     return state
 
 
-def _behind_leaders(windows: Following, state: FloatArray, step: int, hidden: bool) -> Surroundings:
+def _behind_leaders(windows: CarFollowing, state: FloatArray, step: int, hidden: bool) -> Surroundings:
     """Return what particles know behind the true leaders of a step, the particles of each window side by side."""
     particles = state.shape[1] // len(windows)
     own_length, half_width = np.repeat(windows.length_m, particles), 0.5 * np.repeat(windows.lane_width_m, particles)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.lab.windows.neighbours import Others, order_by_lane, others_at, row_ahead, row_behind
+from harness.lab.windows.neighbours import NeighbourStates, order_by_lane, others_at, row_ahead, row_behind
 from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -31,9 +31,9 @@ class LaneChanges:
     state: FloatArray
     length_m: FloatArray
     lane_width_m: FloatArray
-    leader: Others
-    follower: Others
-    target_leader: Others
+    leader: NeighbourStates
+    follower: NeighbourStates
+    target_leader: NeighbourStates
 
     def __len__(self) -> int:
         return len(self.length_m)
@@ -87,9 +87,11 @@ def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) ->
 def _made_of(parts: Sequence[LaneChanges], make: Callable[[list[FloatArray], int], FloatArray]) -> LaneChanges:
     """Return windows whose columns join the parts' columns, given which of their axes runs over windows."""
 
-    def others(name: str) -> Others:
+    def others(name: str) -> NeighbourStates:
         sides = [getattr(part, name) for part in parts]
-        return Others(*(make([getattr(side, column.name) for side in sides], 0) for column in fields(Others)))
+        return NeighbourStates(
+            *(make([getattr(side, column.name) for side in sides], 0) for column in fields(NeighbourStates))
+        )
 
     return LaneChanges(
         make([part.state for part in parts], 1),

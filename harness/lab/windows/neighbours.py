@@ -24,7 +24,7 @@ class Ordering:
 
 
 @dataclass(frozen=True)
-class Others:
+class NeighbourStates:
     """One neighbour of each window's vehicle, arrays of shape (windows, steps); nan where there is none."""
 
     lon_m: FloatArray
@@ -59,10 +59,10 @@ def clear_gap_m(recording: Recording, behind: IntArray, ahead: IntArray) -> Floa
     return np.where(missing, np.inf, recording.lon_m[ahead] - recording.lon_m[behind] - half_lengths)
 
 
-def others_at(recording: Recording, rows: IntArray) -> Others:
+def others_at(recording: Recording, rows: IntArray) -> NeighbourStates:
     """Return the vehicles of some rows of a recording; nan where a row is ``NOBODY``."""
-    columns = (getattr(recording, column.name) for column in fields(Others))
-    return Others(*(np.where(rows == NOBODY, np.nan, column[rows]) for column in columns))
+    columns = (getattr(recording, column.name) for column in fields(NeighbourStates))
+    return NeighbourStates(*(np.where(rows == NOBODY, np.nan, column[rows]) for column in columns))
 
 
 def _key(step: IntArray, lane: IntArray, lon_m: FloatArray) -> FloatArray:

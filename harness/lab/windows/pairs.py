@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.errors import InputError
-from harness.lab.windows.car_following import Following, following_windows
+from harness.lab.windows.car_following import CarFollowing, following_windows
 from harness.lab.windows.recording import Recording
 from harness.truth.recorded.motion import local_slope
 from harness.truth.recorded.traffic import RecordedTraffic
@@ -43,7 +43,7 @@ def recording_of(traffic: RecordedTraffic) -> Recording:
     )
 
 
-def pair_windows(path: Path, steps: int, step_s: float) -> Following:
+def pair_windows(path: Path, steps: int, step_s: float) -> CarFollowing:
     """Cut windows from a table of leader-follower pairs; the ``vehicle`` of a window is the number of its pair.
 
     Args:
@@ -54,7 +54,7 @@ def pair_windows(path: Path, steps: int, step_s: float) -> Following:
     """
     windows = following_windows(pairs_recording(path), pairs_road(), steps, step_s)
     led = windows.take(np.flatnonzero(windows.has_leader))
-    return Following(**(vars(led) | {"vehicle": led.vehicle // 2}))
+    return CarFollowing(**(vars(led) | {"vehicle": led.vehicle // 2}))
 
 
 def pairs_road() -> Road:

@@ -19,7 +19,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
-class Driven:
+class DriverSetup:
     """Who is asked, and on which road."""
 
     driver: Driver
@@ -54,7 +54,7 @@ class Asked:
 
 
 def ask(
-    driven: Driven,
+    driven: DriverSetup,
     truth: pd.DataFrame,
     detections: pd.DataFrame,
     tracks: pd.DataFrame,

@@ -9,7 +9,7 @@ import pandas as pd
 
 from harness.scoring.evidence.assignment import best_assignment
 from harness.scoring.evidence.history import DetectionHistory, last_row_where
-from harness.scoring.evidence.pairs import GATE_SIMILARITY, Pairs
+from harness.scoring.evidence.pairs import GATE_SIMILARITY, TrackPairs
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.storage.schema import PARTIAL, VISIBLE
@@ -30,7 +30,7 @@ class Matching:
     holder_row: IntArray
 
 
-def match(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Matching:
+def match(rows: RunRows, history: DetectionHistory, pairs: TrackPairs, settings: ScoringSettings) -> Matching:
     """Match vehicles to tracks at every step.
 
     Vehicles in range that are visible, partly visible or were detected within ``in_sight_s`` compete for the tracks:
@@ -57,7 +57,7 @@ def match(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: Scor
     return Matching(track_row, truth_row, holder, find_track_rows(rows, truth.step, holder))
 
 
-def gate_match(pairs: Pairs, candidate: BoolArray) -> Pairs:
+def gate_match(pairs: TrackPairs, candidate: BoolArray) -> TrackPairs:
     """Return the optimal assignment within the gate of the truth rows that are candidates, shape of candidate (n,)."""
     within = pairs.where((pairs.similarity >= GATE_SIMILARITY) & candidate[pairs.truth])
     return within.where(best_assignment(within.truth, within.track, within.similarity))

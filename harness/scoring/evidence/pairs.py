@@ -13,16 +13,16 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
-class Pairs:
+class TrackPairs:
     """Rows of a vehicle and a track of one step that lie near each other, and their ``similarity``; shape (p,)."""
 
     truth: IntArray
     track: IntArray
     similarity: FloatArray
 
-    def where(self, keep: BoolArray) -> Pairs:
+    def where(self, keep: BoolArray) -> TrackPairs:
         """Return the chosen pairs."""
-        return Pairs(self.truth[keep], self.track[keep], self.similarity[keep])
+        return TrackPairs(self.truth[keep], self.track[keep], self.similarity[keep])
 
 
 GATE_SIMILARITY = 0.5
@@ -36,13 +36,15 @@ def similarity(lon_difference_m: FloatArray, lat_difference_m: FloatArray, setti
     return np.maximum(0.0, 1.0 - np.maximum(scaled_lon, scaled_lat))
 
 
-def near_pairs(truth: TruthRows, tracks: TrackRows, settings: ScoringSettings) -> Pairs:
+def near_pairs(truth: TruthRows, tracks: TrackRows, settings: ScoringSettings) -> TrackPairs:
     """Return all pairs of one step with a similarity above 0."""
     near = pairs_near(truth, tracks, 2.0 * settings.gate_lon_m, settings)
     return near.where(near.similarity > 0.0)
 
 
-def pairs_near(first: TruthRows | DetectionRows, tracks: TrackRows, reach_m: float, settings: ScoringSettings) -> Pairs:
+def pairs_near(
+    first: TruthRows | DetectionRows, tracks: TrackRows, reach_m: float, settings: ScoringSettings
+) -> TrackPairs:
     """Return all pairs of one step within the reach, and some beyond it; ``truth`` is a row of first.
 
     The reach is that along ``first``'s direction; across it, it is as far as there is any similarity.
@@ -52,7 +54,7 @@ def pairs_near(first: TruthRows | DetectionRows, tracks: TrackRows, reach_m: flo
     row, track = _rows_near(first, tracks, reach_m)
     lon_m, lat_m = first.lon_m[row] - tracks.lon_m[track], first.lat_m[row] - tracks.lat_m[track]
     alike = similarity(*along_and_across(lon_m, lat_m, first.direction_rad[row]), settings)
-    return Pairs(row, track, alike)
+    return TrackPairs(row, track, alike)
 
 
 def _rows_near(first: TruthRows | DetectionRows, second: TrackRows, reach_m: float) -> tuple[IntArray, IntArray]:

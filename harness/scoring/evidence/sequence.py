@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.scoring.evidence.history import DetectionHistory, first_of_group, last_row_where
 from harness.scoring.evidence.matching import gate_match
-from harness.scoring.evidence.pairs import GATE_SIMILARITY, Pairs, pairs_near
+from harness.scoring.evidence.pairs import GATE_SIMILARITY, TrackPairs, pairs_near
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -41,7 +41,9 @@ class Selection:
     tracks: BoolArray
 
 
-def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:
+def select_in_sight(
+    rows: RunRows, history: DetectionHistory, pairs: TrackPairs, settings: ScoringSettings
+) -> Selection:
     """Select the vehicles in sight; tracks that are out of sight and match none of them are left out.
 
     One rule decides for the tracks of every tracker, and from the detections alone: see ``tracks_in_sight``. A track
@@ -82,7 +84,9 @@ def tracks_in_sight(rows: RunRows, settings: ScoringSettings) -> BoolArray:
     return in_sight
 
 
-def select_remembered(rows: RunRows, history: DetectionHistory, pairs: Pairs, settings: ScoringSettings) -> Selection:
+def select_remembered(
+    rows: RunRows, history: DetectionHistory, pairs: TrackPairs, settings: ScoringSettings
+) -> Selection:
     """Select the vehicles detected within the memory; every reported track counts.
 
     A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts. Nor does a track beyond what
@@ -95,7 +99,7 @@ def select_remembered(rows: RunRows, history: DetectionHistory, pairs: Pairs, se
     return Selection(remembered & rows.truth.in_range, tracks)
 
 
-def mot_sequence(rows: RunRows, history: DetectionHistory, pairs: Pairs, selection: Selection) -> MotSequence:
+def mot_sequence(rows: RunRows, history: DetectionHistory, pairs: TrackPairs, selection: Selection) -> MotSequence:
     """Take the selected rows out of the run and number their identities from 0."""
     kept = pairs.where(selection.truth[pairs.truth] & selection.tracks[pairs.track])
     truth_place = np.cumsum(selection.truth) - 1

@@ -56,7 +56,7 @@ PRIMARY = (COLLIDED, TTC, HARD_BRAKES)
 
 
 @dataclass(frozen=True)
-class Driven:
+class DriveRecord:
     """What the ego did by its belief, and what it had before it; by the truth, at each of n steps, shape (n,).
 
     Attributes:
@@ -133,7 +133,9 @@ def score_crossing(crossed: Crossed) -> dict[str, object]:
     }
 
 
-def score_drive(driven: Driven, ended: str, contact: Contact | None, settings: ScoringSettings) -> dict[str, object]:
+def score_drive(
+    driven: DriveRecord, ended: str, contact: Contact | None, settings: ScoringSettings
+) -> dict[str, object]:
     """Score an episode's drive, its steps from the hand-over on, at least two; ``ended`` is one of this module's words.
 
     Returns:

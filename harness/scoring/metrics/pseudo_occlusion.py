@@ -50,7 +50,7 @@ QUANTITIES = _quantities()
 
 
 @dataclass(frozen=True)
-class Windows:
+class HiddenWindows:
     """The windows of a stretch, struct of arrays of shape (w,).
 
     Attributes:
@@ -73,7 +73,7 @@ class Windows:
     situation: IntArray = field(metadata=ROWS)
 
 
-def measure_pseudo_occlusions(evidence: Evidence) -> Windows | None:
+def measure_pseudo_occlusions(evidence: Evidence) -> HiddenWindows | None:
     """Return the windows of a stretch; None where no vehicle is hidden on purpose."""
     rows, matching, truth = evidence.rows, evidence.matching, evidence.rows.truth
     if truth.pseudo_hidden_s is None:
@@ -92,7 +92,7 @@ def measure_pseudo_occlusions(evidence: Evidence) -> Windows | None:
     with np.errstate(divide="ignore", invalid="ignore"):
         inside = (off_x / std_x) ** 2 + (off_y / std_y) ** 2 <= CHI2_90
     same_id, judged = _same_identity(evidence, onset, last)
-    return Windows(
+    return HiddenWindows(
         length_s=truth.pseudo_hidden_s[first],
         followed=followed,
         error_m=np.where(followed, np.hypot(off_x, off_y), np.nan),
@@ -162,7 +162,7 @@ def _situations(truth: TruthRows, onset: IntArray, last: IntArray) -> IntArray:
 
 
 @of_whole
-def scores_of_pseudo_occlusions(windows: Windows, basis: Basis) -> dict[str, object]:
+def scores_of_pseudo_occlusions(windows: HiddenWindows, basis: Basis) -> dict[str, object]:
     """Return the scores of all windows, by their length and by situation.
 
     Returns:
@@ -184,7 +184,7 @@ def scores_of_pseudo_occlusions(windows: Windows, basis: Basis) -> dict[str, obj
     return dict(table)
 
 
-def _scores(windows: Windows, chosen: BoolArray, settings: ScoringSettings) -> dict[str, float]:
+def _scores(windows: HiddenWindows, chosen: BoolArray, settings: ScoringSettings) -> dict[str, float]:
     followed = windows.followed & chosen
     error_m, constant_m = windows.error_m[followed], windows.constant_m[followed]
     longest_m = settings.follow_cutoff_m

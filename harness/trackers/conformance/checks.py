@@ -21,7 +21,7 @@ import numpy as np
 from harness.trackers.conformance.plane_scenes import bend_scene, crossing_scene, scans_in_plane
 from harness.trackers.conformance.requirements import (
     Build,
-    Placed,
+    HasPlace,
     TrackerCheckError,
     follow,
     nearest_position,
@@ -160,7 +160,7 @@ def _check_identities_stay_with_their_cars(build: Build) -> None:
     _require_identities(build, cars, scans)
 
 
-def _require_identities(build: Build, cars: Sequence[Placed], scans: Sequence[LabelledScan]) -> None:
+def _require_identities(build: Build, cars: Sequence[HasPlace], scans: Sequence[LabelledScan]) -> None:
     held: dict[str, set[int]] = {car.name: set() for car in cars}
     first: dict[str, float] = {}
     for labelled, tracks in zip(scans, follow(build, scans), strict=True):

@@ -18,7 +18,7 @@ from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 Build = Callable[[int], AnyTracker]
 
 
-class Placed(Protocol):
+class HasPlace(Protocol):
     """A car whose place is known at any time."""
 
     @property
@@ -76,13 +76,13 @@ def require_refusal(tracker: AnyTracker, labelled: LabelledScan, what: str) -> N
     raise TrackerCheckError(f"{what} was taken in; it must raise InvalidScanError (call mmpf.scan.check_scan first)")
 
 
-def nearest_position(tracks: Tracks, car: Placed, labelled: LabelledScan) -> FloatArray:
+def nearest_position(tracks: Tracks, car: HasPlace, labelled: LabelledScan) -> FloatArray:
     """Return the longitudinal and lateral position of a car's ``nearest_track``, metres, shape (2,)."""
     nearest = nearest_track(tracks, car, labelled)
     return np.array([tracks.lon_m[nearest], tracks.lat_m[nearest]])
 
 
-def nearest_track(tracks: Tracks, car: Placed, labelled: LabelledScan) -> int:
+def nearest_track(tracks: Tracks, car: HasPlace, labelled: LabelledScan) -> int:
     """Return the index of the confirmed track nearest to a car.
 
     Raises:

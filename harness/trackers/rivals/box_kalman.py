@@ -27,7 +27,7 @@ from harness.trackers.rivals.box_tracks import (
     taken_in,
 )
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
-from harness.trackers.rivals.lives import Lives, Moment, remembered, reported
+from harness.trackers.rivals.lives import Lives, ScanMoment, remembered, reported
 from harness.trackers.rivals.options import in_frame
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.scan import Detections, Scan, SensorModel, check_scan
@@ -66,7 +66,7 @@ class BoxKalman:
         self._time_s = scan.time_s
         tracks = self._tracks
         states = tracks.states.mean
-        moment = Moment(scan.time_s, scan.ego, self._sensor.range_m)
+        moment = ScanMoment(scan.time_s, scan.ego, self._sensor.range_m)
         tracks = taken(tracks, remembered(tracks.lives, states[:, LON], states[:, LAT], moment, options))
         index, detection = _matched(tracks, detections, options)
         tracks = taken_in(tracks, index, detections, detection, scan.time_s)

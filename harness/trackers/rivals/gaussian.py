@@ -15,7 +15,7 @@ _TWO_PI = 2.0 * np.pi
 
 
 @dataclass(frozen=True)
-class Pairs:
+class GatedPairs:
     """Each of n beliefs against each of d detections, by position.
 
     Attributes:
@@ -44,7 +44,7 @@ def in_order(detections: Detections) -> Detections:
     return taken(detections, np.lexsort((detections.lat_m, detections.lon_m)))
 
 
-def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> Pairs:
+def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> GatedPairs:
     """Compare beliefs, their rows in the order of ``kalman.LON`` and so on, and detections by position."""
     off_lon = detections.lon_m - mean[:, LON, None]
     off_lat = detections.lat_m - mean[:, LAT, None]
@@ -53,7 +53,7 @@ def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -
     lon_lat = covariance[:, LON, LAT, None]
     determinant = lon_lon * lat_lat - lon_lat**2
     squared = (lat_lat * off_lon**2 - 2.0 * lon_lat * off_lon * off_lat + lon_lon * off_lat**2) / determinant
-    return Pairs(squared, -0.5 * squared - 0.5 * np.log(determinant) - np.log(_TWO_PI))
+    return GatedPairs(squared, -0.5 * squared - 0.5 * np.log(determinant) - np.log(_TWO_PI))
 
 
 def best_pairs(gain: FloatArray, allowed: BoolArray) -> tuple[IntArray, IntArray]:

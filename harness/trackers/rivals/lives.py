@@ -42,7 +42,7 @@ class Lives:
         return self.detections >= options.confirm_detections
 
 
-def remembered(lives: Lives, lon_m: FloatArray, lat_m: FloatArray, now: Moment, options: RivalOptions) -> BoolArray:
+def remembered(lives: Lives, lon_m: FloatArray, lat_m: FloatArray, now: ScanMoment, options: RivalOptions) -> BoolArray:
     """Return which tracks are kept, shape (n,): those within range and not unseen for too long."""
     longest_s = np.where(lives.confirmed(options), options.longest_unseen_s, options.held_unseen_s)
     away_m = np.hypot(lon_m - now.ego.lon_m, lat_m - now.ego.lat_m)
@@ -51,7 +51,7 @@ def remembered(lives: Lives, lon_m: FloatArray, lat_m: FloatArray, now: Moment, 
 
 
 @dataclass(frozen=True)
-class Moment:
+class ScanMoment:
     """A scan's time, the sensor's pose at it and its range."""
 
     time_s: float

@@ -30,7 +30,7 @@ from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
 from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
-from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
+from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, ScanMoment, remembered, reported
 from harness.trackers.rivals.options import in_frame
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped
 from mmpf.options.base import NotNegative, Positive, Probability, in_unit
@@ -155,7 +155,7 @@ class OcSort:
         boxes = self._tracks.boxes
         if self._times_s:
             boxes = predicted(boxes, scan.time_s - self._times_s[-1], self._options, self._in_plane)
-        moment = Moment(scan.time_s, scan.ego, self._sensor.range_m)
+        moment = ScanMoment(scan.time_s, scan.ego, self._sensor.range_m)
         lon_m, lat_m = boxes.middle_m.T
         kept = remembered(boxes.lives, lon_m, lat_m, moment, self._options)
         tracks = taken(replace(self._tracks, boxes=boxes), kept)

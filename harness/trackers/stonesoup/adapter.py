@@ -23,7 +23,7 @@ from harness.trackers.stonesoup.parts import (
     to_datetime,
     to_seconds,
 )
-from harness.trackers.stonesoup.stitching import IdentityStitcher, Sightings
+from harness.trackers.stonesoup.stitching import IdentityStitcher, LastSightings
 from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import Scan, check_scan
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
@@ -89,7 +89,7 @@ class StoneSoupTracker:
 
     def _stitch(self, stitcher: IdentityStitcher, tracks: Tracks, living: list[Track], last_s: FloatArray) -> Tracks:
         first_s = np.array([self._first_seen_s[track.id] for track in living])
-        stitched = stitcher.stitch(tracks, Sightings(first_s, last_s), self._time_s or 0.0)
+        stitched = stitcher.stitch(tracks, LastSightings(first_s, last_s), self._time_s or 0.0)
         replaced = set(stitched.replaced.tolist())
         for track in living:
             if track.id in replaced:

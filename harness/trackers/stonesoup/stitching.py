@@ -38,7 +38,7 @@ class StitchingOptions(Settings):
 
 
 @dataclass(frozen=True)
-class Sightings:
+class LastSightings:
     """Times of the first and last detection of a tracker's tracks, in their order, each of shape (m,)."""
 
     first_s: FloatArray
@@ -86,7 +86,7 @@ class IdentityStitcher:
         self._reported_id: dict[int, int] = {}
         self._remembered = _Snapshot(Tracks.none(), np.zeros(0), np.zeros(0))
 
-    def stitch(self, tracks: Tracks, sightings: Sightings, time_s: float) -> Stitched:
+    def stitch(self, tracks: Tracks, sightings: LastSightings, time_s: float) -> Stitched:
         """Match newly confirmed tracks to lost ones and rename them."""
         confirmed = tracks.state != TENTATIVE
         known = np.array([own in self._reported_id for own in tracks.track_id.tolist()], dtype=np.bool_)
@@ -101,7 +101,7 @@ class IdentityStitcher:
         renamed = replace(taken(tracks, keep), track_id=np.array(reported, dtype=np.int64))
         return Stitched(renamed, replaced)
 
-    def _lost_tracks(self, tracks: Tracks, known: BoolArray, sightings: Sightings, time_s: float) -> _Lost:
+    def _lost_tracks(self, tracks: Tracks, known: BoolArray, sightings: LastSightings, time_s: float) -> _Lost:
         options = self._options
         coasting = known & (time_s - sightings.last_s >= options.unseen_s - 1e-6)
         ended = self._ended(tracks.track_id, time_s)
@@ -128,7 +128,7 @@ class IdentityStitcher:
         )
         return taken(remembered, keep)
 
-    def _hand_on_identities(self, tracks: Tracks, sightings: Sightings, new: IntArray, lost: _Lost) -> IntArray:
+    def _hand_on_identities(self, tracks: Tracks, sightings: LastSightings, new: IntArray, lost: _Lost) -> IntArray:
         """Match one to one, nearest first over all; return the own identities of the lost tracks that were matched."""
         if not len(new) or not len(lost.own_id):
             return np.zeros(0, dtype=np.int64)

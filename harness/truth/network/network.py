@@ -13,7 +13,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 from harness.common.errors import InputError
-from harness.common.isolation import Limits, isolated
+from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import checked_path
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium
@@ -195,7 +195,7 @@ def load_network(name_or_path: str) -> Network:
     if path.is_dir() or path.suffix == ".sumocfg":
         compile_kernels()
         beside = path.iterdir() if path.is_dir() else path.parent.iterdir()
-        return isolated(partial(_from_elsewhere, path, name_or_path), f"`net`: {path}", Limits.for_files(beside))
+        return isolated(partial(_from_elsewhere, path, name_or_path), f"`net`: {path}", ProcessLimits.for_files(beside))
     known = ", ".join(folder.name for folder in _network_folders())
     raise InputError(f"`net` {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
 

@@ -15,7 +15,7 @@ from typing import TypeVar, cast
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.isolation import Limits, isolated
+from harness.common.isolation import ProcessLimits, isolated
 from harness.common.named import named
 from harness.common.untrusted_files import check_file, checked_path, unpacked
 from harness.truth.frame import ROAD_OF_RECORDING
@@ -209,7 +209,7 @@ def apart(work: Callable[[], T], path: Path, format_name: str) -> T:
         check_file(file, PARAMETER)
     if FORMATS[format_name].brings_road:
         compile_kernels()
-    return isolated(quietly, f"{path} ({format_name})", Limits.for_files(files))
+    return isolated(quietly, f"{path} ({format_name})", ProcessLimits.for_files(files))
 
 
 def files_of(path: Path, format_name: str) -> tuple[Path, ...]:

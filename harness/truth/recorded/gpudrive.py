@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from harness.truth.frame import STEP_S
-from harness.truth.recorded.planetracks import MiddleLine, Scene, Way, traffic_of_scene
+from harness.truth.recorded.planetracks import MiddleLine, PlaneTrajectory, Scene, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
@@ -48,11 +48,11 @@ def _valid(vehicle: Mapping[str, Any]) -> BoolArray:
     return np.array([state is True for state in vehicle["valid"]])
 
 
-def _way(name: str, vehicle: Mapping[str, Any], unit_rad: float) -> Way:
+def _way(name: str, vehicle: Mapping[str, Any], unit_rad: float) -> PlaneTrajectory:
     valid = _valid(vehicle)
     place, velocity = _xy(vehicle["position"])[valid], _xy(vehicle["velocity"])[valid]
     heading = np.array(vehicle["heading"], dtype=np.float64)[valid] * unit_rad
-    return Way(
+    return PlaneTrajectory(
         name=name,
         time_s=np.flatnonzero(valid).astype(np.float64) * STEP_S,
         x_m=place[:, 0],

@@ -69,7 +69,7 @@ class Lanelet:
 
 
 @dataclass(frozen=True)
-class _Strip:
+class _LaneStrip:
     """A lanelet in the road frame."""
 
     right_m: float
@@ -158,7 +158,7 @@ def _simplified(line: FloatArray) -> FloatArray:
     return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.LineString(line), STRAIGHT_WITHIN_M)))
 
 
-def _strip(lanelet: Lanelet, frame: Road) -> _Strip | None:
+def _strip(lanelet: Lanelet, frame: Road) -> _LaneStrip | None:
     left, right = lanelet.sampled()
     left_lon, left_lat = frame.to_road(left[:, 0], left[:, 1])
     right_lon, right_lat = frame.to_road(right[:, 0], right[:, 1])
@@ -171,10 +171,10 @@ def _strip(lanelet: Lanelet, frame: Road) -> _Strip | None:
         lon, left_lat, right_lat = lon[beside], left_lat[beside], right_lat[beside]
         if np.ptp(lon) < SHORTEST_LANE_M:
             return None
-    return _Strip(float(np.median(right_lat)), float(np.median(left_lat)), float(lon.min()), float(lon.max()))
+    return _LaneStrip(float(np.median(right_lat)), float(np.median(left_lat)), float(lon.min()), float(lon.max()))
 
 
-def _lanes(strips: Sequence[_Strip]) -> tuple[Lane, ...]:
+def _lanes(strips: Sequence[_LaneStrip]) -> tuple[Lane, ...]:
     files = _with_shared_lines(_files_of_strips(strips))
     first_m, last_m = min(strip.start_m for strip in strips), max(strip.end_m for strip in strips)
     lanes = []
@@ -186,9 +186,9 @@ def _lanes(strips: Sequence[_Strip]) -> tuple[Lane, ...]:
     return tuple(lanes)
 
 
-def _files_of_strips(strips: Sequence[_Strip]) -> list[_LaneFile]:
+def _files_of_strips(strips: Sequence[_LaneStrip]) -> list[_LaneFile]:
     """Group strips that lie behind one another, from left to right."""
-    groups: list[list[_Strip]] = []
+    groups: list[list[_LaneStrip]] = []
     for strip in sorted(strips, key=lambda strip: -strip.centre_m):
         if groups and abs(np.mean([other.centre_m for other in groups[-1]]) - strip.centre_m) < SAME_LANE_WITHIN_M:
             groups[-1].append(strip)
@@ -204,7 +204,7 @@ def _files_of_strips(strips: Sequence[_Strip]) -> list[_LaneFile]:
     ]
 
 
-def _joined(group: Sequence[_Strip]) -> list[tuple[float, float]]:
+def _joined(group: Sequence[_LaneStrip]) -> list[tuple[float, float]]:
     pieces: list[tuple[float, float]] = []
     for strip in sorted(group, key=lambda strip: strip.start_m):
         if pieces and strip.start_m <= pieces[-1][1] + CUT_WITHIN_M:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from harness.common.errors import InputError
-from harness.common.isolation import Limits, isolated
+from harness.common.isolation import ProcessLimits, isolated
 from harness.common.named import named
 from harness.common.untrusted_files import check_file, checked_path, read_text
 from harness.truth.recorded.detected.kitti import (
@@ -85,7 +85,7 @@ class LogFile:
             raise InputError(f"`{self.role}`: {path} has no .txt files; give a file, or a folder of KITTI's")
         try:
             rows = isolated(
-                partial(_read, self, name, files), f"`{self.role}`: {path} ({name})", Limits.for_files(files)
+                partial(_read, self, name, files), f"`{self.role}`: {path} ({name})", ProcessLimits.for_files(files)
             )
         except InputError as error:
             told = str(error)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.errors import InputError
-from harness.truth.recorded.planetracks import Scene, Way, traffic_of_scene
+from harness.truth.recorded.planetracks import PlaneTrajectory, Scene, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic, unknown
 
 NUMBERS = ("timestamp", "yaw", "position.x", "position.y", "dimensions.x", "dimensions.y")
@@ -38,7 +38,7 @@ def _scene(file: BinaryIO) -> Scene:
     table = table.assign(**{name: pd.to_numeric(table[name]) for name in NUMBERS})
     vehicles = table[table["label"].isin(VEHICLES)]
     ways = [
-        Way(
+        PlaneTrajectory(
             name=str(name),
             time_s=rows["timestamp"].to_numpy(),
             x_m=rows["position.x"].to_numpy(),

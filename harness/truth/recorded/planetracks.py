@@ -30,7 +30,7 @@ MOST_LINES = 5000
 
 
 @dataclass(frozen=True)
-class Way:
+class PlaneTrajectory:
     """One vehicle's way; arrays of shape (n,), of whatever a reader takes for numbers; an unknown speed is nan."""
 
     name: str
@@ -51,7 +51,7 @@ class MiddleLine:
     width_m: float = USUAL_LANE_M
 
 
-Scene = tuple[Sequence[Way], Mapping[str, MiddleLine], int]
+Scene = tuple[Sequence[PlaneTrajectory], Mapping[str, MiddleLine], int]
 """Vehicles' ways, lanes by name, and how many other things there are."""
 
 
@@ -71,7 +71,7 @@ def traffic_of_scene(path: Path, load: Callable[[BinaryIO], Scene], what: str) -
 
 
 def traffic_of_ways(
-    ways: Sequence[Way], lines: Mapping[str, MiddleLine], path: Path, left_out: Mapping[str, int]
+    ways: Sequence[PlaneTrajectory], lines: Mapping[str, MiddleLine], path: Path, left_out: Mapping[str, int]
 ) -> ReadTraffic:
     """Return ways as traffic in the plane.
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.network.polyline import length_of
-from harness.truth.recorded.planetracks import USUAL_LANE_M, MiddleLine, Scene, Way, traffic_of_scene
+from harness.truth.recorded.planetracks import USUAL_LANE_M, MiddleLine, PlaneTrajectory, Scene, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.numerics.arrays import FloatArray
 
@@ -51,14 +51,14 @@ def _scene(file: BinaryIO) -> Scene:
     return ways, lines, len(scene["tracks"]) - len(vehicles)
 
 
-def _way(name: str, state: Mapping[str, Any], clock: FloatArray) -> Way:
+def _way(name: str, state: Mapping[str, Any], clock: FloatArray) -> PlaneTrajectory:
     valid = np.asarray(state["valid"]).astype(np.bool_)
     if valid.shape != clock.shape:
         raise InputError(f"vehicle {name[:20]} has {valid.shape} times, the scene {clock.shape}")
     place, velocity = (np.asarray(state[key], dtype=np.float64)[valid][:, :2] for key in ("position", "velocity"))
     heading = np.asarray(state["heading"], dtype=np.float64).reshape(-1)[valid]
     size = [np.asarray(state[key], dtype=np.float64).reshape(-1)[valid] for key in ("length", "width")]
-    return Way(
+    return PlaneTrajectory(
         name=name,
         time_s=clock[valid],
         x_m=place[:, 0],

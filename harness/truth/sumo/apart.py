@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from harness.common.isolation import Limits, Send, confine, streamed
+from harness.common.isolation import ProcessLimits, Send, confine, streamed
 from harness.truth.frame import Frame, TruthSource
 from harness.truth.network.limits import check_names_no_place
 from harness.truth.network.network import Network
@@ -36,7 +36,7 @@ class TrafficApart:
             for frame in truth.frames():
                 send(frame)
 
-        self._told = streamed(drive, f"`net`: {network.name}", Limits.for_files(network.files), folders)
+        self._told = streamed(drive, f"`net`: {network.name}", ProcessLimits.for_files(network.files), folders)
         try:
             self.step_s, self.expected_steps = next(self._told)
         except BaseException:

@@ -90,7 +90,7 @@ class Snapshot:
         return np.stack([x, self.front_y - half * np.sin(self.heading_rad)], axis=-1)
 
 
-class _Kept(NamedTuple):
+class _LastReading(NamedTuple):
     """What is remembered of a vehicle: its front and rear axle a step ago, and its lanes, the present one first."""
 
     front: tuple[float, float]
@@ -110,7 +110,7 @@ class PlaneReader:
         control = plane.graph.control
         self._signals = [] if control is None else [_light(name) for name in control.signal_name]
         self._bodies: dict[str, Body] = {}
-        self._kept: dict[str, _Kept] = {}
+        self._kept: dict[str, _LastReading] = {}
 
     def read(self) -> Snapshot:
         """Return who drives, stands or walks on the network now; parked and teleporting vehicles are left out."""
@@ -162,7 +162,9 @@ class PlaneReader:
         place, ahead = np.array([x, y]) - self._origin, np.array([np.cos(heading), np.sin(heading)])
         # SUMO's persons are where their middles are.
         front, rear = place + 0.5 * body.length_m * ahead, place - 0.5 * body.length_m * ahead
-        self._kept[name] = _Kept((float(front[0]), float(front[1])), (float(rear[0]), float(rear[1])), "", (NOWHERE,))
+        self._kept[name] = _LastReading(
+            (float(front[0]), float(front[1])), (float(rear[0]), float(rear[1])), "", (NOWHERE,)
+        )
 
     def _states(self) -> str:
         lights = {light for light, _ in self._signals}
@@ -178,22 +180,24 @@ class PlaneReader:
             float(vehicle.getDeparture(name)),
         )
 
-    def _first(self, name: str, body: Body, front: tuple[float, float]) -> _Kept:
+    def _first(self, name: str, body: Body, front: tuple[float, float]) -> _LastReading:
         # SUMO's angle is a compass's, clockwise from north; ours runs counterclockwise from the x axis.
         heading = np.radians(90.0 - self._sumo.vehicle.getAngle(name))
         arm = REAR_AXLE_SHARE * body.length_m
         rear = (front[0] - arm * float(np.cos(heading)), front[1] - arm * float(np.sin(heading)))
         lane_name = str(self._sumo.vehicle.getLaneID(name))
-        return _Kept(front, rear, lane_name, (self._lane.get(lane_name, NOWHERE),))
+        return _LastReading(front, rear, lane_name, (self._lane.get(lane_name, NOWHERE),))
 
-    def _next(self, name: str, body: Body, front: tuple[float, float], before: _Kept) -> _Kept:
+    def _next(self, name: str, body: Body, front: tuple[float, float], before: _LastReading) -> _LastReading:
         if front == before.front:
             return before
         lane_name = str(self._sumo.vehicle.getLaneID(name))
         lanes = before.lanes
         if lane_name != before.lane_name:
             lanes = (self._lane.get(lane_name, NOWHERE), *lanes)[:REMEMBERED_LANES]
-        return _Kept(front, pulled(before.front, before.rear, front, REAR_AXLE_SHARE * body.length_m), lane_name, lanes)
+        return _LastReading(
+            front, pulled(before.front, before.rear, front, REAR_AXLE_SHARE * body.length_m), lane_name, lanes
+        )
 
 
 def _light(signal: str) -> tuple[str, int]:

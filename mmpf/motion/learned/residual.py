@@ -38,7 +38,7 @@ STRONGEST_LEADER_MPS2 = (-6.0, 4.0)
 _BLOCK = 2048
 
 
-class Network(NamedTuple):
+class NetworkWeights(NamedTuple):
     """Two hidden layers of h units, x / (1 + |x|), over standardised inputs held to the training range.
 
     Attributes:
@@ -76,7 +76,7 @@ class ResidualFollower:
         network: What was fitted.
     """
 
-    network: Network
+    network: NetworkWeights
     latent_size: ClassVar[int] = 1 + len(TIME_SCALES_S)
     drives_alone: ClassVar[bool] = True
 
@@ -114,7 +114,7 @@ class ResidualFollower:
 _USUAL = tuple(np.float32(value) for value in vars(USUAL_DRIVER).values())
 
 
-def _forward(begin: int, end: int, seen: Float32Array, network: Network, lag: float, accel: FloatArray) -> None:
+def _forward(begin: int, end: int, seen: Float32Array, network: NetworkWeights, lag: float, accel: FloatArray) -> None:
     """Write the accelerations of the columns ``begin`` to ``end`` of ``seen``, shape (9, k)."""
     low, high, mean = (part[:, None] for part in network[:3])
     scaled = np.vstack([network.w1[:SEEN] / network.scale[:, None], network.w1[SEEN:]]).T
@@ -149,7 +149,7 @@ def _approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: n
         accel[n] = seen[2, n] + lag * (usual + added[n] + shift - seen[2, n])
 
 
-def save_residual(path: Path, network: Network) -> None:
+def save_residual(path: Path, network: NetworkWeights) -> None:
     """Write the model file of a fitted network."""
     save_arrays(path, {f"case.{CASE}": np.ones(1), **{k: v.astype(np.float64) for k, v in network._asdict().items()}})
 
@@ -169,4 +169,6 @@ def load_residual(path: Path) -> ResidualFollower:
             raise ModelFileError(f"model file {path}: {name} must have the shape {shape}, with a hidden unit at least")
     if (arrays["scale"] <= 0.0).any() or not 0.0 < arrays["lag"][0] <= 1.0:
         raise ModelFileError(f"model file {path}: scale must be above 0, and lag between 0 and 1")
-    return ResidualFollower(Network(*(np.ascontiguousarray(arrays[n], dtype=np.float32) for n in Network._fields)))
+    return ResidualFollower(
+        NetworkWeights(*(np.ascontiguousarray(arrays[n], dtype=np.float32) for n in NetworkWeights._fields))
+    )

@@ -16,7 +16,7 @@ from harness.analysis.verdicts import (
     UNDECIDED,
     UNTESTED,
     WORSE,
-    Measured,
+    MetricDifference,
     Rules,
     compared_quantities,
     holm,
@@ -172,9 +172,9 @@ def test_no_value_may_be_lost_unless_a_share_is_tolerated():
     assert lost_values(~there, ~there, True) == ""
 
 
-def measured(difference: float, se: float, units: float = 8.0, quantity: Quantity = ERROR, **other) -> Measured:
+def measured(difference: float, se: float, units: float = 8.0, quantity: Quantity = ERROR, **other) -> MetricDifference:
     known = {"label": "x", "quantity": quantity, "a": 100.0, "b": 100.0 + difference, "pairs": 8, "same": False} | other
-    return Measured(effect=Effect(difference, se, units), **known)
+    return MetricDifference(effect=Effect(difference, se, units), **known)
 
 
 def word(difference: float, se: float, **other) -> str:

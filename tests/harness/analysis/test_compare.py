@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.compare import Comparison, compare
+from harness.analysis.compare import Judgement, compare
 from harness.analysis.comparison_text import as_markdown
 from harness.analysis.single import compare_runs
 from harness.analysis.sources import open_source
@@ -45,11 +45,11 @@ def grid_folder(folder: Path, seeds=range(10), model="cvm", densities=(20.0,), f
     return str(folder)
 
 
-def compared(a: str, b: str, tolerance: float = 0.02) -> Comparison:
+def compared(a: str, b: str, tolerance: float = 0.02) -> Judgement:
     return compare(open_source(a, "compare"), open_source(b, "compare"), Rules(tolerance))
 
 
-def words(comparison: Comparison) -> dict[str, str]:
+def words(comparison: Judgement) -> dict[str, str]:
     """Return the words of the metrics that get a verdict."""
     return {verdict.metric: verdict.verdict for verdict in comparison.verdicts if verdict.primary}
 

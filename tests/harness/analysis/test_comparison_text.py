@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from harness.analysis.compare import Comparison
+from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import EXPLANATION, MOST_MOMENTS, as_markdown, conclusion, print_comparison
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict
-from harness.analysis.why import CAUSES, KINDS, Failure, Why
+from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 
 HOTA, IDF1 = "mot.hota", "mot.idf1"
 NOTHING = math.nan
@@ -25,12 +25,12 @@ def verdict(metric: str = HOTA, word: str = NO_WORSE, **other: object) -> Verdic
     return Verdict(**(known | other))  # type: ignore[arg-type]
 
 
-def comparison(*verdicts: Verdict, **other: object) -> Comparison:
-    return Comparison("old", "new", verdicts, ("A note.", "Another."), Rules(), **other)  # type: ignore[arg-type]
+def comparison(*verdicts: Verdict, **other: object) -> Judgement:
+    return Judgement("old", "new", verdicts, ("A note.", "Another."), Rules(), **other)  # type: ignore[arg-type]
 
 
-def failure(place: int, kind: str = KINDS[0], cause: str = CAUSES[0]) -> Failure:
-    return Failure(kind, cause, f"flow {place}", 3.1 + place, 1, 2)
+def failure(place: int, kind: str = KINDS[0], cause: str = CAUSES[0]) -> TrackFailure:
+    return TrackFailure(kind, cause, f"flow {place}", 3.1 + place, 1, 2)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_the_conclusion_is_a_sentence_with_the_number_of_each_verdict(found, sen
 
 
 def test_the_tolerance_of_the_rules_is_told():
-    told = Comparison("old", "new", (verdict(),), (), Rules(tolerance=0.025))
+    told = Judgement("old", "new", (verdict(),), (), Rules(tolerance=0.025))
     assert "nowhere worse by more than 2.5 %;" in conclusion(told)
 
 

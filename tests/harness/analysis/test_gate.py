@@ -11,7 +11,7 @@ import pytest
 
 from harness.analysis.gate_text import as_junit, as_summary
 from harness.analysis.verdicts import PRIMARY, UNDECIDED, UNTESTED, WORSE
-from harness.analysis.why import Failure, Why
+from harness.analysis.why import TrackFailure, Why
 from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from tests.harness.analysis.test_compare import grid_folder, wobbling
@@ -75,7 +75,7 @@ def test_a_case_tells_the_tracker_the_metric_and_the_numbers_in_valid_xml():
 
 
 def test_links_of_a_summary_lead_to_where_the_pages_are_and_nowhere_without_an_address():
-    why = Why((Failure("identity switch", "merge", "car 1", 12.3, 3, 4),), (), "results/old", "results/new")
+    why = Why((TrackFailure("identity switch", "merge", "car 1", 12.3, 3, 4),), (), "results/old", "results/new")
     found = comparison(verdict(word=WORSE), why=why)
     assert "](" not in as_summary(found)
     assert "](https://ci.example/7/old/report.html#t=11.3&vehicle=car%201)" in as_summary(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.compare import Comparison, compare
+from harness.analysis.compare import Judgement, compare
 from harness.analysis.comparison_text import as_markdown, print_comparison
 from harness.analysis.sources import Source, open_source
 from harness.analysis.verdicts import (
@@ -24,7 +24,7 @@ from harness.analysis.verdicts import (
     Rules,
     compared_quantities,
 )
-from harness.analysis.why import CAUSES, KINDS, Failure, Why
+from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 from harness.common.errors import InputError
 from harness.lab import suite
 from harness.lab.suite import KEPT, keep_as_baseline, run_suite
@@ -35,14 +35,14 @@ from tests.harness.analysis.test_comparison_text import comparison, verdict
 NAN = float("nan")
 
 
-def told() -> Comparison:
+def told() -> Judgement:
     """Return a comparison with every word, numbers that are missing, and causes."""
     verdicts = [
         verdict(word=WORSE), verdict("hidden.hidden_cost_m", UNDECIDED, a=0.0, more_units=7, difference=0.123),
         verdict("occlusion.same_id_percent", BETTER, difference=12.0, ci95=(NAN, NAN)), verdict(label="jpda", p=NAN),
         verdict("mot.idf1", UNTESTED, primary=False, label="jpda", b=NAN, difference=NAN, ci95=(NAN, NAN), p=NAN),
     ]  # fmt: skip
-    failures = [Failure(kind, cause, f"flow {kind} {cause}", 0.5 * k, k, k + 1) for k, (kind, cause) in enumerate(
+    failures = [TrackFailure(kind, cause, f"flow {kind} {cause}", 0.5 * k, k, k + 1) for k, (kind, cause) in enumerate(
         [(KINDS[0], CAUSES[1]), (KINDS[1], CAUSES[4]), (KINDS[0], CAUSES[1])])]  # fmt: skip
     return comparison(*verdicts, why=Why(tuple(failures), tuple(failures[1:2]), "A", "B/c d"))
 

@@ -14,7 +14,7 @@ from harness.analysis.why import (
     MERGE,
     REIDENTIFICATION,
     SWITCH,
-    Failure,
+    TrackFailure,
     Why,
     counted,
     failures,
@@ -29,7 +29,7 @@ Spans = list[tuple[int, int, int, float]]
 """Tracks as (number, first step, last step, lane they are on)."""
 
 
-def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[Failure]:
+def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[TrackFailure]:
     """Return the failures over two cars in lanes 0 and 4 m, of which the first is hidden for a time."""
     truth, detections = [], []
     for step in range(STEPS):
@@ -63,7 +63,7 @@ def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[Failure]
 TWO = (2, 0, STEPS - 1, 4.0)
 
 
-def causes(found: list[Failure]) -> list[tuple[str, str]]:
+def causes(found: list[TrackFailure]) -> list[tuple[str, str]]:
     return [(each.kind, each.cause) for each in found]
 
 
@@ -108,6 +108,6 @@ def test_the_table_sums_to_the_total_and_links_to_the_moment():
     counts = counted(found)
     assert sum(sum(of_kind.values()) for of_kind in counts.values()) == len(found)
     assert Why(tuple(found), (), "results/a b", "b").counts()["a"] == counts
-    assert link_to("results/a", Failure(SWITCH, DEATH, "flow 3.4", 3.1, 1, 2)) == (
+    assert link_to("results/a", TrackFailure(SWITCH, DEATH, "flow 3.4", 3.1, 1, 2)) == (
         "results/a/report.html#t=2.1&vehicle=flow%203.4"
     )

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError, RunError
-from harness.common.isolation import Limits, isolated, streamed
+from harness.common.isolation import ProcessLimits, isolated, streamed
 
-SHORT = Limits(cpu_s=1)
+SHORT = ProcessLimits(cpu_s=1)
 
 
 def writes(path: Path) -> None:
@@ -59,7 +59,7 @@ def test_every_end_of_a_fork_is_one_line_that_names_what_was_read(work, told):
 def test_what_sleeps_for_ever_is_ended_too():
     begin = time.perf_counter()
     with pytest.raises(InputError, match="took more than 0 s"):
-        isolated(lambda: time.sleep(60.0), "file", Limits(cpu_s=0))
+        isolated(lambda: time.sleep(60.0), "file", ProcessLimits(cpu_s=0))
     assert time.perf_counter() - begin < 5.0
 
 
@@ -148,4 +148,4 @@ def test_what_a_fork_starts_ends_with_it():
 def test_a_file_with_holes_gives_no_right_to_more_memory(tmp_path):
     with (tmp_path / "holes").open("wb") as file:
         file.truncate(6 << 30)
-    assert Limits.for_files([tmp_path / "holes"]) == Limits()
+    assert ProcessLimits.for_files([tmp_path / "holes"]) == ProcessLimits()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.decisions.crossings import Lanes, crossings_of
+from harness.decisions.crossings import LaneChain, crossings_of
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from tests.mmpf.map.scenes import graph_of
 
@@ -52,7 +52,7 @@ GRAPH = crossing_graph()
 
 
 def way(*names, graph=GRAPH):
-    return Lanes.of(graph, [graph.name.index(name) for name in names])
+    return LaneChain.of(graph, [graph.name.index(name) for name in names])
 
 
 STRAIGHT_ON = way("south", ":over", "north")

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.compare import Comparison
+from harness.analysis.compare import Judgement
 from harness.analysis.curve_charts import grid_charts
 from harness.analysis.verdicts import UNTESTED, WORSE, Rules, Verdict
 from harness.common.charts import DASHES, SERIES, Charts, curves, draw_charts, lines_of
@@ -104,7 +104,7 @@ def test_bars_by_visibility_are_those_of_the_metrics(run):
 def test_better_is_to_the_right_whatever_a_metrics_direction():
     # The hidden cost grew by half: worse. HOTA grew by a tenth: better.
     hota = verdict(metric="mot.hota", a=80.0, b=88.0, difference=8.0, ci95=(4.0, 12.0), margin=1.6, verdict="better")
-    chart = comparison_charts(Comparison("a", "b", (verdict(), hota), (), Rules())).charts[0]
+    chart = comparison_charts(Judgement("a", "b", (verdict(), hota), (), Rules())).charts[0]
     cost, score = rows_of(chart)
     assert (cost["change"], cost["low"], cost["high"]) == pytest.approx((-50.0, -75.0, -25.0))
     assert (score["change"], score["low"], score["high"]) == pytest.approx((10.0, 5.0, 15.0))
@@ -115,9 +115,9 @@ def test_better_is_to_the_right_whatever_a_metrics_direction():
 def test_what_is_not_judged_has_no_band_and_what_a_lacks_no_point():
     described = verdict(metric="mot.idf1", verdict=UNTESTED, primary=False)
     without = verdict(metric="hidden.false_hidden_tracks_per_scan", a=0.0)
-    chart = comparison_charts(Comparison("a", "b", (described, without), (), Rules())).charts[0]
+    chart = comparison_charts(Judgement("a", "b", (described, without), (), Rules())).charts[0]
     assert [(row["metric"], row["tolerance"]) for row in rows_of(chart)] == [("IDF1 in sight, %", None)]
-    assert comparison_charts(Comparison("a", "b", (without,), (), Rules())) is None
+    assert comparison_charts(Judgement("a", "b", (without,), (), Rules())) is None
 
 
 def test_pages_without_charts_do_not_carry_the_library():
@@ -140,7 +140,7 @@ def test_the_committed_library_is_what_the_package_makes():
 
 
 def all_charts(run):
-    comparison = Comparison("a", "b", (verdict(), verdict(metric="mot.hota")), (), Rules())
+    comparison = Judgement("a", "b", (verdict(), verdict(metric="mot.hota")), (), Rules())
     table = grid_table()
     demands = table.assign(density=np.nan, demand=[f"d{place % 2}" for place in range(len(table))])
     return [

@@ -5,10 +5,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.why import DEATH, LOSS, SWITCH, Failure, Why
+from harness.analysis.why import DEATH, LOSS, SWITCH, TrackFailure, Why
 from harness.commands.app import run_command_line
 from harness.report.comparison_page import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
-from harness.report.replay_data import Beside, replay_data
+from harness.report.replay_data import SecondRun, replay_data
 from harness.running.finished import read_recorded_run
 from harness.storage import run_folder as runfolder
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, NEW_TRACK, STEPS, write_recorded_scene
@@ -47,9 +47,9 @@ def test_an_error_larger_by_more_than_a_metre_is_marked_and_a_smaller_one_is_not
 
 
 def test_an_identity_switch_of_one_is_marked_for_a_second_and_one_of_both_is_not(runs):
-    switch = Failure(SWITCH, DEATH, "far", 4.3, 2, 3)
+    switch = TrackFailure(SWITCH, DEATH, "far", 4.3, 2, 3)
     assert steps_of(differences(*runs, ((switch,), ())), SWITCHED, 0) == list(range(43, 54))
-    near = Failure(SWITCH, DEATH, "far", 4.8, 5, 6)
+    near = TrackFailure(SWITCH, DEATH, "far", 4.8, 5, 6)
     marks = differences(*runs, ((switch,), (near,)))
     assert steps_of(marks, SWITCHED, 0) == steps_of(marks, SWITCHED, 1) == []
 
@@ -62,7 +62,7 @@ def test_which_run_comes_first_changes_the_side_and_nothing_else(runs):
 
 
 def test_the_replay_opens_a_second_before_the_first_failure_of_either():
-    early, late = Failure(LOSS, DEATH, "one", 3.0, 1, -1), Failure(SWITCH, DEATH, "two", 7.5, 2, 3)
+    early, late = TrackFailure(LOSS, DEATH, "one", 3.0, 1, -1), TrackFailure(SWITCH, DEATH, "two", 7.5, 2, 3)
     assert first_failure(Why((late,), (early,), "a", "b")) == (2.0, "one")
     assert first_failure(Why((), (), "a", "b")) is None
 
@@ -70,7 +70,7 @@ def test_the_replay_opens_a_second_before_the_first_failure_of_either():
 def test_both_trackers_share_what_happened_on_the_road(runs):
     a, b = runs
     marks = differences(a, b, ((), ()))
-    data = json.loads(json.dumps(replay_data(a, Beside(b, marks, (2.0, "far")))))
+    data = json.loads(json.dumps(replay_data(a, SecondRun(b, marks, (2.0, "far")))))
     alone = replay_data(b)
     assert {name: data["other"]["truth"][name] for name in ("error", "track", "outcome")} == {
         name: alone["truth"][name] for name in ("error", "track", "outcome")

@@ -14,7 +14,7 @@ from harness.report.decision_gallery import decision_figure, draw_decisions, wor
 from harness.report.page import write_run_page
 from harness.report.summary_text import decision_summary
 from harness.running.finished import read_recorded_run
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.score import score_run
 from harness.storage import run_folder as runfolder
 from harness.storage.tables import write_table
@@ -32,7 +32,7 @@ def folder(tmp_path):
     folder = write_recorded_scene(tmp_path / "run")
     run = read_recorded_run(folder)
     slow = run.truth.assign(speed_mps=run.truth["speed_mps"].mask(run.truth["vehicle_id"] == "far", 2.0))
-    scored = score_run(slow, run.detections, run.tracks, 7, Driven(driver_of("hdm"), run.road))
+    scored = score_run(slow, run.detections, run.tracks, 7, DriverSetup(driver_of("hdm"), run.road))
     metrics = json.loads((folder / runfolder.METRICS).read_text()) | {"decisions": scored.metrics["decisions"]}
     (folder / runfolder.METRICS).write_text(as_json(metrics))
     write_table(scored.commands, folder / runfolder.COMMANDS)

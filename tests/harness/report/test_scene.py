@@ -7,7 +7,7 @@ from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
-from harness.report.scene import Scene, draw_scene, legend_entries, scene_figure
+from harness.report.scene import PictureScene, draw_scene, legend_entries, scene_figure
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from mmpf.map.corridor_road import CorridorRoad, highway
@@ -67,7 +67,7 @@ def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
     observation = observed(frame, road)
     tracks, particles = tracked(frame, observation, np.random.default_rng(0))
     axes = Figure().subplots()
-    draw_scene(axes, Scene(frame, observation, tracks, road, 100.0, particles), (-102.5, 102.5))
+    draw_scene(axes, PictureScene(frame, observation, tracks, road, 100.0, particles), (-102.5, 102.5))
     assert axes.get_aspect() == 1.0
     assert "metres" in axes.get_xlabel()
     assert "(m)" in axes.get_ylabel()
@@ -92,7 +92,9 @@ def test_the_figure_can_be_saved_without_tracks_or_particles_and_on_a_bend(road)
     line = tuple(zip(400 * np.sin(angle), 400 - 400 * np.cos(angle), strict=True))
     for ground in (road, replace(road, reference_xy=line)):
         frame = jam(count=12)
-        figure = scene_figure(Scene(frame, observed(frame, ground), Tracks.none(), ground, 100.0), title="No tracks")
+        figure = scene_figure(
+            PictureScene(frame, observed(frame, ground), Tracks.none(), ground, 100.0), title="No tracks"
+        )
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=40)
         assert buffer.getvalue().startswith(b"\x89PNG")

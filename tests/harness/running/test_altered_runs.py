@@ -3,7 +3,7 @@
 import numpy as np
 
 from harness.config.model import RunConfig
-from harness.running.looks import Streams
+from harness.running.looks import RandomStreams
 from harness.running.resolve import resolve_run_config
 
 
@@ -14,7 +14,7 @@ def test_what_is_not_altered_leaves_no_trace_in_the_configuration():
 
 
 def test_the_stream_of_alterations_leaves_the_other_three_as_they_were():
-    streams = Streams.from_seed(7)
+    streams = RandomStreams.from_seed(7)
     three = np.random.SeedSequence(7).spawn(3)
     for mine, old in zip((streams.truth, streams.sensor, streams.tracker), three, strict=True):
         assert (mine.generate_state(4) == old.generate_state(4)).all()

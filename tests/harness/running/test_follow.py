@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.running.follow import StageTimes, follow
-from harness.running.looks import Streams, look_at
+from harness.running.looks import RandomStreams, look_at
 from harness.running.recorder import ColumnRecorder, RunTables, detections_of
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
@@ -130,7 +130,7 @@ def test_a_step_that_was_cut_short_is_left_out():
     looks = look_at(SteadyTraffic(steps=9, fail_at=5), build_sensor(sensor_settings("lidar", {})), 0)
     recorder = ColumnRecorder()
     with pytest.raises(RuntimeError, match="broke"):
-        follow(looks, EchoTracker, recorder, Streams.from_seed(0).tracker, (), StageTimes())
+        follow(looks, EchoTracker, recorder, RandomStreams.from_seed(0).tracker, (), StageTimes())
     recorder._truth.append(recorder._truth[-1])
     tables = recorder.tables()
     assert_array_equal(np.unique(tables.truth["step"]), np.arange(5))

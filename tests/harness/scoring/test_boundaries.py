@@ -17,7 +17,7 @@ from harness.scoring.evidence.history import last_row_where
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import stretches
 from harness.scoring.metrics.clear import ClearScores
-from harness.scoring.metrics.closedloop import BY_COLLISION, IN_TIME, Contact, Driven, score_drive
+from harness.scoring.metrics.closedloop import BY_COLLISION, IN_TIME, Contact, DriveRecord, score_drive
 from harness.scoring.metrics.conflicts import ConflictPart, conflicts
 from harness.scoring.metrics.coverage import NoisePart, detection_noise
 from harness.scoring.metrics.hidden_by import cause_between
@@ -97,7 +97,7 @@ def test_conflicts_are_counted_below_and_above_their_limits_not_at_them():
 
 def test_a_drive_is_told_in_these_numbers():
     nothing = np.zeros(4)
-    driven = Driven(
+    driven = DriveRecord(
         np.array([10.0, 9.6, 9.5, 9.5]), np.array([14.4, 100.0, np.inf, 12.0]), np.array([0.0, 0.0, 0.0, 20.0]),
         np.array([-2.0, -2.0, -1.0, 0.0]), np.array([-1.0, -0.9, -2.0, -2.0]), 0.1,
     )  # fmt: skip
@@ -112,7 +112,7 @@ def test_a_drive_is_told_in_these_numbers():
         "missed_per_km": pytest.approx(1 / km), "phantom": 1, "phantom_per_km": pytest.approx(1 / km),
         "mean_speed_mps": pytest.approx(1e3 * km / 0.3), "jerk_mps3": pytest.approx(np.sqrt((jerk**2).mean())),
     }  # fmt: skip
-    short = score_drive(Driven(*[nothing[:2]] * 5, 0.1), IN_TIME, None, ScoringSettings())
+    short = score_drive(DriveRecord(*[nothing[:2]] * 5, 0.1), IN_TIME, None, ScoringSettings())
     assert short["jerk_mps3"] is None
     assert [short[key] for key in ("hard_brakes_per_km", "collided_with", "ran_into", "collision_time_s")] == [None] * 4
     assert (short["km"], short["collided_percent"], short["missed"]) == (0.0, 0.0, 0)

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.score import RunScorer, ScoredRun, score_run
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane
@@ -114,7 +114,7 @@ def second(tables: tuple[pd.DataFrame, ...]) -> list[tuple[pd.DataFrame, ...]]:
 def scored() -> dict[str, ScoredRun]:
     return {
         "motorway": score_run(
-            *motorway(), seed=3, driven=Driven(driver_of("mobil"), LANES), unseen=expected_vehicles(STEPS)
+            *motorway(), seed=3, driven=DriverSetup(driver_of("mobil"), LANES), unseen=expected_vehicles(STEPS)
         ),
         "town": score_run(*town(), seed=3),
         "drive": drive(),
@@ -174,7 +174,7 @@ def equal_scores(found: dict[str, object], wanted: dict[str, object]) -> None:
 
 
 def test_a_run_that_came_in_two_stretches_has_the_scores_of_the_run_in_one_piece():
-    driven, unseen = Driven(driver_of("hdm"), LANES), expected_vehicles(STEPS)
+    driven, unseen = DriverSetup(driver_of("hdm"), LANES), expected_vehicles(STEPS)
     unseen = unseen.assign(episode=(unseen["step"] >= STEPS // 2).astype(int))
     scorer = RunScorer(3, driven)
     for episode, tables in enumerate(second(motorway())):

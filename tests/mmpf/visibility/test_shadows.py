@@ -13,7 +13,7 @@ from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import MEAN_CAR
 from mmpf.scan import EgoPose, FreeSpace
-from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.shadows import shadowed_share, visible_fractions
 from tests.mmpf.map.scenes import graph_of
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre
@@ -21,24 +21,24 @@ from tests.mmpf.scenes import ROAD, ego_at, lane_centre
 PLANE = SensorPlane(ego_at(), ROAD)
 
 
-def cars(count: int) -> Bodies:
-    return Bodies(np.full(count, MEAN_CAR.length_m), np.full(count, MEAN_CAR.width_m))
+def cars(count: int) -> Occluders:
+    return Occluders(np.full(count, MEAN_CAR.length_m), np.full(count, MEAN_CAR.width_m))
 
 
-def visibility(lon: list[float], lat: list[float], bodies: Bodies | None = None) -> FloatArray:
+def visibility(lon: list[float], lat: list[float], bodies: Occluders | None = None) -> FloatArray:
     lon_m, lat_m = np.array(lon), np.array(lat)
     bodies = bodies or cars(len(lon))
     table = depth_table(PLANE, lon_m, lat_m, np.ones(len(lon), dtype=np.bool_), bodies)
     return visible_fractions(PLANE, lon_m, lat_m, np.arange(len(lon)), bodies, table)
 
 
-def traced_visibility(lon: FloatArray, lat: FloatArray, bodies: Bodies, rays: int = 4000) -> FloatArray:
+def traced_visibility(lon: FloatArray, lat: FloatArray, bodies: Occluders, rays: int = 4000) -> FloatArray:
     """Share of the rays to points on each vehicle's silhouette that meet no nearer vehicle, ray by ray."""
     ego = ego_at()
     return traced(np.stack([lon - ego.lon_m, lat - ego.lat_m]), np.zeros(len(lon)), bodies, rays)
 
 
-def traced(places: FloatArray, heading: FloatArray, bodies: Bodies, rays: int = 4000) -> FloatArray:
+def traced(places: FloatArray, heading: FloatArray, bodies: Occluders, rays: int = 4000) -> FloatArray:
     """The same for vehicles at places (2, n) in the plane, from its origin, that point where they point."""
     halves = 0.5 * np.stack([bodies.length_m, bodies.width_m], axis=-1)
     signs = np.array([(sx, sy) for sx in (-1, 1) for sy in (-1, 1)])
@@ -78,7 +78,7 @@ def test_a_trucks_tail_hides_a_car_that_a_car_in_its_place_leaves_in_view() -> N
     # Seen from the sensor the far car is at 14.7 to 22.8 degrees; a car ends at 14.6, the truck's tail at 24.0.
     lon, lat = [20.0, 22.0], [lane_centre(3), lane_centre(4)]
     beside_a_car = visibility(lon, lat)
-    beside_a_truck = visibility(lon, lat, Bodies(np.array([18.0, 4.7]), np.array([2.5, 1.9])))
+    beside_a_truck = visibility(lon, lat, Occluders(np.array([18.0, 4.7]), np.array([2.5, 1.9])))
     assert beside_a_car == pytest.approx([1.0, 1.0], abs=0.1)
     assert beside_a_truck == pytest.approx([1.0, 0.0], abs=0.1)
 
@@ -95,7 +95,7 @@ def test_the_table_agrees_with_ray_tracing(seed: int) -> None:
     lon = np.arange(12) * 12.0 - 70.0 + rng.uniform(-2.0, 2.0, 12)
     keep = ~((np.abs(lon) < 6.0) & (lane == 2))
     lon, lat = lon[keep], np.array([lane_centre(k) for k in lane[keep]])
-    bodies = Bodies(rng.uniform(3.5, 8.0, len(lon)), rng.uniform(1.6, 2.6, len(lon)))
+    bodies = Occluders(rng.uniform(3.5, 8.0, len(lon)), rng.uniform(1.6, 2.6, len(lon)))
     difference = np.abs(visibility(list(lon), list(lat), bodies) - traced_visibility(lon, lat, bodies))
     assert difference.max() < 0.25
     assert difference.mean() < 0.05
@@ -118,7 +118,7 @@ def test_the_sensors_own_free_space_asserts_occlusion() -> None:
 def test_a_vehicle_is_covered_from_where_its_middle_passes_the_free_distance(middle_m: float, hidden: float) -> None:
     ahead = np.array([middle_m]), np.array([lane_centre(2)])
     for length_m in (4.7, 18.0):
-        bodies = Bodies(np.array([length_m]), np.array([1.9]))
+        bodies = Occluders(np.array([length_m]), np.array([1.9]))
         assert shadowed_share(PLANE, *ahead, bodies, FreeSpace(np.full(720, 30.0))) == pytest.approx([hidden])
 
 
@@ -126,7 +126,7 @@ def test_a_vehicle_is_covered_from_where_its_middle_passes_the_free_distance(mid
 def test_what_the_sensor_covers_does_not_depend_on_where_the_road_leads(sectors_turned: int) -> None:
     rng = np.random.default_rng(0)
     lon, lat = rng.uniform(-80.0, 80.0, 40), rng.uniform(-15.0, 30.0, 40)
-    bodies = Bodies(rng.uniform(3.5, 15.0, 40), rng.uniform(1.6, 2.6, 40))
+    bodies = Occluders(rng.uniform(3.5, 15.0, 40), rng.uniform(1.6, 2.6, 40))
     free_m = np.repeat(rng.uniform(5.0, 80.0, 72), 10)
     straight = shadowed_share(PLANE, lon, lat, bodies, FreeSpace(free_m))
     turn_rad = 2.0 * np.pi * sectors_turned / 720
@@ -146,7 +146,7 @@ def test_on_a_bend_the_table_agrees_with_ray_tracing_in_the_plane(seed: int, rad
     lon = np.arange(12) * 12.0 - 70.0 + rng.uniform(-2.0, 2.0, 12)
     keep = ~((np.abs(lon) < 8.0) & (np.abs(lane - 2) < 2))
     lon, lat = lon[keep], np.array([lane_centre(k) for k in lane[keep]])
-    bodies = Bodies(rng.uniform(3.5, 8.0, len(lon)), rng.uniform(1.6, 2.6, len(lon)))
+    bodies = Occluders(rng.uniform(3.5, 8.0, len(lon)), rng.uniform(1.6, 2.6, len(lon)))
     plane = SensorPlane(ego_at(), road)
     table = depth_table(plane, lon, lat, np.ones(len(lon), dtype=np.bool_), bodies)
     found = visible_fractions(plane, lon, lat, np.arange(len(lon)), bodies, table)
@@ -172,7 +172,7 @@ def test_visible_fractions_are_those_of_each_particle_ray_by_ray(spread_m: float
     component = np.repeat(np.arange(components), particles)
     lon_m, lat_m = centre[:, component] + rng.normal(0.0, spread_m, (2, len(component)))
     ego = ego_at(0.0)
-    bodies = Bodies(rng.uniform(3.0, 20.0, components), rng.uniform(1.5, 2.6, components))
+    bodies = Occluders(rng.uniform(3.0, 20.0, components), rng.uniform(1.5, 2.6, components))
     table = depth_table(PLANE, centre[0], centre[1], rng.random(components) < 0.7, bodies)
     found = visible_fractions(PLANE, lon_m, lat_m, component, bodies, table)
     sectors = table.depth_m.shape[1]
@@ -226,7 +226,7 @@ def test_crossing_vehicles_hide_each_other_by_the_sides_that_they_show() -> None
     rng = np.random.default_rng(0)
     for _ in range(20):
         lon, lat = np.array([20.0, 40.0]), rng.uniform(-1.5, 1.5, 2)
-        bodies = Bodies(np.array([8.0, 5.0]), np.array([2.0, 1.8]), rng.uniform(-np.pi, np.pi, 2))
+        bodies = Occluders(np.array([8.0, 5.0]), np.array([2.0, 1.8]), rng.uniform(-np.pi, np.pi, 2))
         table = depth_table(plane, lon, lat, np.ones(2, dtype=np.bool_), bodies)
         found = visible_fractions(plane, lon, lat, np.arange(2), bodies, table)
         assert bodies.turn_rad is not None

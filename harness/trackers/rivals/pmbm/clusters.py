@@ -22,7 +22,7 @@ Key = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Limits:
+class HypothesisLimits:
     """How many global hypotheses are kept.
 
     Attributes:
@@ -48,7 +48,7 @@ class Cluster:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class ScanLikelihoods:
     """What a scan says of single hypotheses, h of them, and detections, d of them, all in logarithms.
 
     Attributes:
@@ -63,7 +63,7 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ClusterOutcome:
     """A cluster after a scan in keys: for each single hypothesis its predecessor and its detection.
 
     The former may be ``NO_TRACK``, the latter ``NOBODY``.
@@ -103,7 +103,7 @@ def together(gated: Sequence[Sequence[int]]) -> list[tuple[list[int], list[int]]
     return [(sorted(inside), sorted(seen)) for inside, seen in members.values()]
 
 
-def merged(clusters: Sequence[Cluster], limits: Limits) -> Cluster:
+def merged(clusters: Sequence[Cluster], limits: HypothesisLimits) -> Cluster:
     """Return one cluster of all: every combination of global hypotheses, the best of them kept."""
     first, *others = clusters
     for other in others:
@@ -115,7 +115,9 @@ def merged(clusters: Sequence[Cluster], limits: Limits) -> Cluster:
     return first
 
 
-def explained(cluster: Cluster, detections: Sequence[int], evidence: Evidence, limits: Limits) -> Outcome:
+def explained(
+    cluster: Cluster, detections: Sequence[int], evidence: ScanLikelihoods, limits: HypothesisLimits
+) -> ClusterOutcome:
     """Return a cluster after a scan: the best assignments of its detections under each global hypothesis."""
     keys: list[tuple[Key | None, ...]] = []
     weights: list[float] = []
@@ -138,7 +140,7 @@ def explained(cluster: Cluster, detections: Sequence[int], evidence: Evidence, l
             keys.append((*own, *new))
             weights.append(base + worth)
     kept = _best(weights, limits)
-    return Outcome(tuple(keys[k] for k in kept), normalised([weights[k] for k in kept]))
+    return ClusterOutcome(tuple(keys[k] for k in kept), normalised([weights[k] for k in kept]))
 
 
 def united(cluster: Cluster, told: Sequence[Hashable | None]) -> Cluster:
@@ -175,7 +177,7 @@ def normalised(log_weight: Sequence[float]) -> tuple[float, ...]:
 
 
 def _assigned(
-    singles: Sequence[int], detections: Sequence[int], evidence: Evidence, count: int, limits: Limits
+    singles: Sequence[int], detections: Sequence[int], evidence: ScanLikelihoods, count: int, limits: HypothesisLimits
 ) -> list[Assignment]:
     """Return the best assignments of detections to hypotheses, by their places among them."""
     if not singles:
@@ -206,7 +208,7 @@ def _summed(cluster: Cluster, says: Sequence[Hashable]) -> Cluster:
     return Cluster(tuple(cluster.rows[kept[k]] for k in order), tuple(weights[k] for k in order))
 
 
-def _best(log_weight: Sequence[float], limits: Limits) -> list[int]:
+def _best(log_weight: Sequence[float], limits: HypothesisLimits) -> list[int]:
     """Return the weightiest hypotheses, best first."""
     order = sorted(range(len(log_weight)), key=lambda k: -log_weight[k])[: limits.most]
     least = log_weight[order[0]] + math.log(limits.least_weight)

@@ -19,10 +19,10 @@ from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.pmbm.clusters import (
     NO_TRACK,
     Cluster,
-    Evidence,
+    ClusterOutcome,
+    HypothesisLimits,
     Key,
-    Limits,
-    Outcome,
+    ScanLikelihoods,
     explained,
     merged,
     renumbered,
@@ -56,7 +56,7 @@ class Singles:
 
 
 @dataclass(frozen=True)
-class Mixture:
+class HypothesisMixture:
     """What is believed of all vehicles that were ever detected."""
 
     singles: Singles
@@ -70,7 +70,7 @@ class Mixture:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredHypotheses:
     """A scan as the filter takes it.
 
     Attributes:
@@ -104,25 +104,25 @@ class Pruning:
     """
 
     gate_std: float
-    limits: Limits
+    limits: HypothesisLimits
     least_existence: float
     alike_scans: int = 0
     counted_existence: float = 0.1
 
 
-def nothing(scans: int = 0) -> Mixture:
+def nothing(scans: int = 0) -> HypothesisMixture:
     """Return what is believed before the first scan, with room for the detections of so many scans."""
     states, none = GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4))), np.zeros((0, scans), dtype=np.int64)
-    return Mixture(Singles(Lives.begun(1, 0, 0.0), states, np.zeros(0), np.zeros((0, 2)), none), ())
+    return HypothesisMixture(Singles(Lives.begun(1, 0, 0.0), states, np.zeros(0), np.zeros((0, 2)), none), ())
 
 
-def updated_mixture(mixture: Mixture, measured: Measured, pruning: Pruning) -> Mixture:
+def updated_mixture(mixture: HypothesisMixture, measured: MeasuredHypotheses, pruning: Pruning) -> HypothesisMixture:
     """Return the beliefs after a scan."""
     singles, detections = mixture.singles, measured.detections
     pairs = pairs_of(singles.states.mean, singles.states.covariance, detections)
     inside = pairs.squared_distance <= pruning.gate_std**2
     exists_and_seen = np.clip(singles.existence * measured.seen, 1e-12, 1.0 - 1e-12)
-    evidence = Evidence(
+    evidence = ScanLikelihoods(
         hit=np.where(inside, np.log(exists_and_seen)[:, None] + pairs.log_density, -np.inf),
         miss=np.log1p(-exists_and_seen).tolist(),
         new=np.log(measured.clutter_density + measured.newcomers).tolist(),
@@ -139,10 +139,10 @@ def updated_mixture(mixture: Mixture, measured: Measured, pruning: Pruning) -> M
     if pruning.alike_scans:
         told = _told(after, pruning.counted_existence)
         clusters = [united(cluster, told) if len(cluster.rows) > 1 else cluster for cluster in clusters]
-    return without(Mixture(after, tuple(clusters)), after.existence < pruning.least_existence)
+    return without(HypothesisMixture(after, tuple(clusters)), after.existence < pruning.least_existence)
 
 
-def without(mixture: Mixture, dropped: BoolArray) -> Mixture:
+def without(mixture: HypothesisMixture, dropped: BoolArray) -> HypothesisMixture:
     """Return the beliefs without some single hypotheses, shape (h,): as if those did not exist."""
     kept = np.flatnonzero(~dropped).tolist()
     place = {**dict.fromkeys(range(len(dropped)), NO_TRACK), NO_TRACK: NO_TRACK, **dict(zip(kept, kept, strict=True))}
@@ -150,7 +150,7 @@ def without(mixture: Mixture, dropped: BoolArray) -> Mixture:
     return _referenced(mixture.singles, [part for cluster in clusters for part in simplified(cluster)])
 
 
-def survived(mixture: Mixture, probability: float) -> Mixture:
+def survived(mixture: HypothesisMixture, probability: float) -> HypothesisMixture:
     """Return the beliefs after each vehicle has gone on with some probability."""
     singles = replace(mixture.singles, existence=probability * mixture.singles.existence)
     return replace(mixture, singles=singles)
@@ -167,7 +167,9 @@ def _told(singles: Singles, counted_existence: float) -> list[tuple[int, ...] | 
     ]
 
 
-def _outcomes(clusters: Sequence[Cluster], inside: BoolArray, evidence: Evidence, limits: Limits) -> list[Outcome]:
+def _outcomes(
+    clusters: Sequence[Cluster], inside: BoolArray, evidence: ScanLikelihoods, limits: HypothesisLimits
+) -> list[ClusterOutcome]:
     near: list[list[int]] = [[] for _ in inside]
     for single, detection in np.argwhere(inside).tolist():
         near[single].append(detection)
@@ -181,10 +183,10 @@ def _outcomes(clusters: Sequence[Cluster], inside: BoolArray, evidence: Evidence
         left.difference_update(detections)
         cluster = merged([clusters[k] for k in members], limits)
         outcomes.append(explained(cluster, detections, evidence, limits))
-    return [*outcomes, *(Outcome((((NO_TRACK, k),),), (0.0,)) for k in sorted(left))]
+    return [*outcomes, *(ClusterOutcome((((NO_TRACK, k),),), (0.0,)) for k in sorted(left))]
 
 
-def _singles_after(singles: Singles, keys: Sequence[tuple[int, int]], measured: Measured) -> Singles:
+def _singles_after(singles: Singles, keys: Sequence[tuple[int, int]], measured: MeasuredHypotheses) -> Singles:
     """Return the single hypotheses that follow, in the order of their keys; newcomers' come first."""
     table = np.array(keys, dtype=np.int64).reshape(-1, 2)
     is_new = table[:, 0] == NO_TRACK
@@ -223,10 +225,10 @@ def _singles_after(singles: Singles, keys: Sequence[tuple[int, int]], measured: 
     return joined(begun, followed)
 
 
-def _referenced(singles: Singles, clusters: Sequence[Cluster]) -> Mixture:
+def _referenced(singles: Singles, clusters: Sequence[Cluster]) -> HypothesisMixture:
     """Return clusters with those single hypotheses that are in any of them."""
     used = sorted({single for cluster in clusters for row in cluster.rows for single in row} - {NO_TRACK})
     place = {single: k for k, single in enumerate(used)}
     place[NO_TRACK] = NO_TRACK
     clusters = [renumbered(cluster, place) for cluster in clusters]
-    return Mixture(taken(singles, np.array(used, dtype=np.int64)), tuple(clusters))
+    return HypothesisMixture(taken(singles, np.array(used, dtype=np.int64)), tuple(clusters))

@@ -19,12 +19,12 @@ from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.gaussian import in_order, scaled
-from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, Moment, remembered, reported
+from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, ScanMoment, remembered, reported
 from harness.trackers.rivals.options import RivalOptions, in_frame
-from harness.trackers.rivals.pmbm.clusters import Limits
+from harness.trackers.rivals.pmbm.clusters import HypothesisLimits
 from harness.trackers.rivals.pmbm.mixture import (
-    Measured,
-    Mixture,
+    HypothesisMixture,
+    MeasuredHypotheses,
     Pruning,
     nothing,
     survived,
@@ -38,7 +38,7 @@ from mmpf.options.base import Positive, Probability
 from mmpf.options.filter import Footprint
 from mmpf.scan import Detections, Scan, check_scan
 from mmpf.tracks import Tracks
-from mmpf.visibility.depth import Bodies, depth_table
+from mmpf.visibility.depth import Occluders, depth_table
 
 _SLOW_MPS = 1.0
 _LEAST_OF_NEWCOMERS = 0.1
@@ -91,7 +91,7 @@ class Pmbm:
         chosen = options.detection_probability
         in_view = setting.sensor.detection_probability if chosen is None else chosen
         self._visibility = Visibility(setting.sensor, in_view, options.hidden_probability)
-        limits = Limits(options.most_hypotheses, options.least_weight)
+        limits = HypothesisLimits(options.most_hypotheses, options.least_weight)
         newcomer_exists = options.newcomer_share / (1.0 + options.newcomer_share)
         least_existence = min(options.least_existence, _LEAST_OF_NEWCOMERS * newcomer_exists)
         self._pruning = Pruning(options.gate_std, limits, least_existence, options.alike_scans)
@@ -112,24 +112,24 @@ class Pmbm:
         self._mixture = updated_mixture(mixture, self._measured(scan, mixture, detections), self._pruning)
         return self._report(scan.time_s)
 
-    def _predicted(self, scan: Scan) -> Mixture:
+    def _predicted(self, scan: Scan) -> HypothesisMixture:
         options, mixture = self._options, self._mixture
         if self._time_s is None:
             return mixture
         interval_s = scan.time_s - self._time_s
         states = predict_constant_velocity(mixture.singles.states, interval_s, options.lon_noise, options.lat_noise)
         mixture = replace(mixture, singles=replace(mixture.singles, states=states))
-        moment = Moment(scan.time_s, scan.ego, self._sensor.range_m)
+        moment = ScanMoment(scan.time_s, scan.ego, self._sensor.range_m)
         goes_on = remembered(mixture.singles.lives, states.mean[:, LON], states.mean[:, LAT], moment, options)
         mixture = mixture if goes_on.all() else without(mixture, ~goes_on)
         return survived(mixture, float(np.exp(-interval_s / options.stay_s)))
 
-    def _measured(self, scan: Scan, mixture: Mixture, detections: Detections) -> Measured:
+    def _measured(self, scan: Scan, mixture: HypothesisMixture, detections: Detections) -> MeasuredHypotheses:
         options, count = self._options, len(detections)
         clutter = options.clutter_factor * self._sensor.clutter_density_per_m2
         lives = Lives.begun(self._next_track_id, count, scan.time_s)
         self._next_track_id += count
-        return Measured(
+        return MeasuredHypotheses(
             time_s=scan.time_s,
             detections=detections,
             sizes_m=self._sizes(detections),
@@ -145,7 +145,7 @@ class Pmbm:
             return np.tile([self._options.vehicle.length_m, self._options.vehicle.width_m], (len(detections), 1))
         return np.column_stack([sizes.length_m, sizes.width_m])
 
-    def _seen(self, scan: Scan, mixture: Mixture) -> FloatArray:
+    def _seen(self, scan: Scan, mixture: HypothesisMixture) -> FloatArray:
         """Return the detection probability of each single hypothesis, shape (h,)."""
         singles, best = mixture.singles, mixture.best
         if not self._options.shadow_aware or not len(best):
@@ -158,7 +158,7 @@ class Pmbm:
         recent = scan.time_s - singles.lives.last_seen_s[best] <= self._options.occluder_unseen_s + TIME_TOLERANCE_S
         casts_shadow = np.concatenate([recent & likely, np.zeros(len(bodiless), dtype=np.bool_)])
         best = np.concatenate([best, bodiless])
-        bodies = Bodies(singles.size_m[best, 0], singles.size_m[best, 1], self._turn(mean[best]))
+        bodies = Occluders(singles.size_m[best, 0], singles.size_m[best, 1], self._turn(mean[best]))
         plane = SensorPlane(scan.ego, self._road)
         table = depth_table(plane, mean[best, LON], mean[best, LAT], casts_shadow, bodies)
         caster_of = dict(zip(singles.lives.track_id[best].tolist(), range(len(best)), strict=True))

@@ -19,7 +19,7 @@ from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
 from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, check_way
-from harness.truth.recorded.detected.recorded_drive import Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
+from harness.truth.recorded.detected.recorded_drive import Drive, EgoPoses, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.numerics.arrays import FloatArray
@@ -118,7 +118,7 @@ def _read(log: Path, with_map: bool) -> Drive:
     others = len(names) - len(np.unique(labels.thing[counts]))
     return Drive(
         name=log.name,
-        ego=EgoPath(shift[:, 0], shift[:, 1], np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])),
+        ego=EgoPoses(shift[:, 0], shift[:, 1], np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])),
         names=names,
         labels=sorted_by_step(labels),
         given=sorted_by_step(GivenBoxes(**columns, score=seen_points)),

@@ -14,7 +14,14 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, check_way, numbers_of, words_of
-from harness.truth.recorded.detected.recorded_drive import Boxes, Drive, EgoPath, GivenBoxes, Labels, sorted_by_step
+from harness.truth.recorded.detected.recorded_drive import (
+    Drive,
+    EgoPoses,
+    GivenBoxes,
+    Labels,
+    RecordedBoxes,
+    sorted_by_step,
+)
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 LABELS, DETECTIONS, POSES = "label_02", "detection", "poses"
@@ -199,7 +206,7 @@ def read_poses(path: Path) -> CameraWay:
     return CameraWay(rotation, shift)
 
 
-def boxes_in_plane(path: Path, frame: FloatArray, box: FloatArray, way: CameraWay) -> Boxes:
+def boxes_in_plane(path: Path, frame: FloatArray, box: FloatArray, way: CameraWay) -> RecordedBoxes:
     """Return boxes that are in the camera's frame as they lie in the plane.
 
     Args:
@@ -216,12 +223,12 @@ def boxes_in_plane(path: Path, frame: FloatArray, box: FloatArray, way: CameraWa
     turn = box[:, 6]
     front = np.stack([np.cos(turn), np.zeros(len(turn)), -np.sin(turn)], axis=-1)
     x, y = _on_ground((rotation @ box[:, 3:6, None])[:, :, 0] + way.shift[step])
-    return Boxes(step, x, y, _heading((rotation @ front[:, :, None])[:, :, 0]), box[:, 2], box[:, 1])
+    return RecordedBoxes(step, x, y, _heading((rotation @ front[:, :, None])[:, :, 0]), box[:, 2], box[:, 1])
 
 
-def ego_path(way: CameraWay) -> EgoPath:
+def ego_path(way: CameraWay) -> EgoPoses:
     """Return the camera's way in the plane."""
-    return EgoPath(*_on_ground(way.shift), _heading(way.rotation[:, :, 2]))
+    return EgoPoses(*_on_ground(way.shift), _heading(way.rotation[:, :, 2]))
 
 
 def _on_ground(point: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -15,7 +15,7 @@ EGO = "ego"
 
 
 @dataclass(frozen=True)
-class Boxes:
+class RecordedBoxes:
     """Boxes in the plane by their middles, struct of arrays of shape (n,); the heading is that of the front."""
 
     step: IntArray
@@ -38,11 +38,11 @@ class Boxes:
         return taken(self, rows)
 
 
-B = TypeVar("B", bound=Boxes)
+B = TypeVar("B", bound=RecordedBoxes)
 
 
 @dataclass(frozen=True)
-class Labels(Boxes):
+class Labels(RecordedBoxes):
     """Human-labelled boxes, also of hidden objects; shape (n,).
 
     Attributes:
@@ -57,14 +57,14 @@ class Labels(Boxes):
 
 
 @dataclass(frozen=True)
-class GivenBoxes(Boxes):
+class GivenBoxes(RecordedBoxes):
     """Boxes that a detector found, shape (d,); the larger the ``score``, the surer it was."""
 
     score: FloatArray
 
 
 @dataclass(frozen=True)
-class EgoPath:
+class EgoPoses:
     """Where the recording car's sensor was at each step, in the plane; arrays of shape (steps,)."""
 
     x_m: FloatArray
@@ -89,7 +89,7 @@ class Drive:
     """
 
     name: str
-    ego: EgoPath
+    ego: EgoPoses
     names: StringArray
     labels: Labels
     given: GivenBoxes

@@ -40,7 +40,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Moment:
+class DriveMoment:
     """A step of a drive with all that its source knows.
 
     Attributes:
@@ -105,11 +105,11 @@ class DriveOnClock:
         columns: dict[str, Any] = {name: values[self._rows(own_step)] for name, values in self._columns.items()}
         return Frame(step=step, time_s=round(step * STEP_S, 6), episode=episode, ego=0, **columns)
 
-    def moment(self, own_step: int) -> Moment:
+    def moment(self, own_step: int) -> DriveMoment:
         """Return what else is known of one of the drive's steps; arrays begin with the ego where the frame's do."""
         given = slice(int(self._given_starts[own_step]), int(self._given_starts[own_step + 1]))
         origin = self._origin[given]
-        return Moment(
+        return DriveMoment(
             **{name: values[self._rows(own_step)] for name, values in self._known.items()},
             given=self.drive.given.take(np.arange(given.start, given.stop)),
             origin=np.where(origin == NOTHING, NOTHING, origin - int(self._label_starts[own_step]) + 1),
@@ -206,7 +206,7 @@ class DriveTruth:
             for own_step in range(len(drive.drive.ego)):
                 yield drive.frame(own_step, int(self._starts[episode]) + own_step, episode)
 
-    def moment(self, frame: Frame) -> Moment:
+    def moment(self, frame: Frame) -> DriveMoment:
         """Return what else is known of a frame."""
         return self.drives[frame.episode].moment(frame.step - int(self._starts[frame.episode]))
 

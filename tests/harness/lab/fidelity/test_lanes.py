@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from harness.lab.fidelity.lanes import lane_shares, ratios
-from harness.lab.fidelity.samples import UNITS, Samples
+from harness.lab.fidelity.samples import UNITS, BehaviourSamples
 
 
 def samples(*pieces):
-    return Samples({name: np.zeros(0) for name in UNITS}, 0, 1.0, np.array(pieces, dtype=float))
+    return BehaviourSamples({name: np.zeros(0) for name in UNITS}, 0, 1.0, np.array(pieces, dtype=float))
 
 
 EVEN = [[10.0, 100.0]] * 5

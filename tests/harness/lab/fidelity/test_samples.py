@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.lab.fidelity.samples import UNITS, Sampler, Samples, VehicleStatistics, merged
+from harness.lab.fidelity.samples import UNITS, BehaviourSamples, Sampler, VehicleStatistics, merged
 from tests.harness.closedloop.frames import frame_of
 
 STEP_S = 0.1
@@ -91,4 +91,4 @@ def test_time_and_distance_are_counted_by_main_lane():
 
 def test_the_spread_of_accelerations_does_not_depend_on_their_mean():
     values = {name: np.zeros(0) for name in UNITS} | {"acceleration": np.array([1.0, 1.0, 3.0, 3.0])}
-    assert Samples(values, 4, 5.0).statistics() == VehicleStatistics(0.8, 1.0)
+    assert BehaviourSamples(values, 4, 5.0).statistics() == VehicleStatistics(0.8, 1.0)

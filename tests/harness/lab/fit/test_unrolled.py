@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from harness.lab.fit.unrolled import crps_and_slope, first_weights, fit_residual, rollouts_of, score_and_gradient
-from harness.lab.windows.car_following import Following
+from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import cases_of
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import score
 from mmpf.motion.learned.driver import with_follower
-from mmpf.motion.learned.residual import INPUTS, SEEN, Network, ResidualFollower
+from mmpf.motion.learned.residual import INPUTS, SEEN, NetworkWeights, ResidualFollower
 
 STEPS = 101
 
@@ -28,7 +28,7 @@ def windows(count, rng, gap_m=20.0, pull=0.0):
     leader_lon = gap_m + 5.0 + 12.0 * time_s + nothing
     number = np.arange(count)
     leaders = (leader_lon, leader_speed, nothing, lengths)
-    return Following(
+    return CarFollowing(
         *(lon, nothing, speed, nothing, accel, lengths, lengths), *leaders, number, np.zeros(count, dtype=np.bool_)
     )
 
@@ -39,7 +39,7 @@ def test_the_gradient_through_a_rollout_is_that_of_differences():
     exact = {name: v if v.dtype == np.bool_ else v.astype(np.float64) for name, v in vars(rollouts).items()}
     rollouts = replace(rollouts, **(exact | {"led": np.arange(len(rollouts.led)) >= 4}))
     ranges = (np.full(SEEN, -50.0), np.full(SEEN, 100.0), np.full(SEEN, 2.0), np.full(SEEN, 3.0))
-    scaling = Network(*ranges, *[np.zeros(1)] * 7)
+    scaling = NetworkWeights(*ranges, *[np.zeros(1)] * 7)
     weights = {name: w.astype(np.float64) for name, w in first_weights(rng, 5).items()}
     weights["w3"] *= 10.0
     _, gradient = score_and_gradient(weights, scaling, rollouts)

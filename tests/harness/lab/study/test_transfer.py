@@ -24,8 +24,8 @@ from harness.lab.study.transfer import (
 from harness.lab.study.transfer_outcomes import (
     ON_NOTHING,
     ON_SUMO,
-    Outcome,
     TrainedModel,
+    TransferOutcome,
     compare_transfer,
     summary_lines,
 )
@@ -101,10 +101,10 @@ def test_intervals_resample_whole_vehicles():
     assert (low_repeated, high_repeated) == pytest.approx((low, high))
 
 
-def outcome(windows, name, trained_on, model) -> Outcome:
+def outcome(windows, name, trained_on, model) -> TransferOutcome:
     test = held_out("real pairs", windows, (1.0, 10.0))
     scores = score(follow(model, test.cases, 2, np.random.default_rng(0)), test.cases)
-    return Outcome(TrainedModel(name, trained_on, model), test, scores)
+    return TransferOutcome(TrainedModel(name, trained_on, model), test, scores)
 
 
 def test_where_a_simulated_model_loses_the_study_says_so(windows):

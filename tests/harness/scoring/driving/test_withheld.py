@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.driving.withheld import WithheldAhead
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import missed_stretches
@@ -52,7 +52,7 @@ def approach(speed, braking, reported=None, state="visible", detected=None, exis
     tracks = held[["step", "time_s", "lon_m", "lat_m", "speed_mps", "lat_speed_mps"]].assign(
         track_id=1, existence=existence, std_lon_m=1.0, std_lat_m=0.5, std_speed_mps=1.0, state="confirmed"
     )
-    return score_run(pd.concat([ego, car]), detections, tracks, driven=Driven(driver_of("hdm"), ROAD))
+    return score_run(pd.concat([ego, car]), detections, tracks, driven=DriverSetup(driver_of("hdm"), ROAD))
 
 
 def missed(*args, **settings):

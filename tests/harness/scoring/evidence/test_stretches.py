@@ -11,7 +11,7 @@ import pytest
 
 from harness.common.bootstrap import cluster_bootstrap
 from harness.decisions.decide import driver_of
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.registry import register
 from harness.scoring.score import RunScorer, score_run
@@ -64,7 +64,7 @@ def test_all_scores_are_those_of_the_run_in_one_piece(pieces):
 
 def test_what_the_driver_would_do_is_that_of_the_run_in_one_piece(pieces):
     lanes = tuple(Lane(number=k + 1, right_m=3.6 * k - 1.8, left_m=3.6 * k + 1.8) for k in range(5))
-    driven = Driven(driver_of("hdm"), CorridorRoad(lanes=lanes))
+    driven = DriverSetup(driver_of("hdm"), CorridorRoad(lanes=lanes))
     pieces = [
         (truth.assign(speed_mps=truth["speed_mps"] + 5.0 * truth["is_ego"]), seen, tracks[tracks["step"] % STEPS < 50])
         for truth, seen, tracks in pieces

@@ -11,7 +11,7 @@ from harness.scoring.metrics.closedloop import (
     IN_TIME,
     Contact,
     Crossed,
-    Driven,
+    DriveRecord,
     score_crossing,
     score_drive,
 )
@@ -26,7 +26,7 @@ def stop_behind(gap_m, speed_mps, braking_mps2):
     speed = np.maximum(speed_mps - braking_mps2 * time_s, 0.0)
     way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * STEP_S)])
     demanded = np.where(speed > 0.0, -braking_mps2, 0.0)
-    return Driven(speed, gap_m - way, np.zeros(STEPS), demanded, demanded, STEP_S)
+    return DriveRecord(speed, gap_m - way, np.zeros(STEPS), demanded, demanded, STEP_S)
 
 
 def test_a_steady_stop_drives_half_its_squared_speed_over_its_braking():
@@ -61,7 +61,7 @@ def test_a_braking_that_the_belief_does_not_demand_is_missed_and_one_that_the_tr
     needed, made_up = rolls.copy(), rolls.copy()
     needed[20:25], needed[50:54] = -2.5, -9.0  # the second lasts 0.4 s
     made_up[100:130], made_up[150:160] = -3.0, -2.0
-    driven = Driven(rolls + 10.0, rolls + np.inf, rolls, made_up, needed, STEP_S)
+    driven = DriveRecord(rolls + 10.0, rolls + np.inf, rolls, made_up, needed, STEP_S)
     scored = score_drive(driven, IN_TIME, None, SETTINGS)
     assert (scored["missed"], scored["phantom"]) == (1, 2)
     assert scored["phantom_per_km"] == pytest.approx(2 / 0.2)
@@ -71,7 +71,9 @@ def test_the_jerk_of_a_sine_is_its_amplitude_times_its_square_frequency_over_roo
     time_s, frequency = STEP_S * np.arange(STEPS), np.pi / 5.0
     speed = 10.0 + np.sin(frequency * time_s)
     nothing = np.zeros(STEPS)
-    scored = score_drive(Driven(speed, nothing + np.inf, nothing, nothing, nothing, STEP_S), IN_TIME, None, SETTINGS)
+    scored = score_drive(
+        DriveRecord(speed, nothing + np.inf, nothing, nothing, nothing, STEP_S), IN_TIME, None, SETTINGS
+    )
     assert scored["jerk_mps3"] == pytest.approx(frequency**2 / np.sqrt(2.0), rel=0.02)
 
 

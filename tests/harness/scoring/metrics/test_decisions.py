@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from harness.decisions.decide import driver_of
-from harness.scoring.driving.asked import Driven
+from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.score import score_run
 from mmpf.map.corridor_road import highway
 
@@ -51,7 +51,7 @@ class Drive:
             pd.concat(rows, ignore_index=True).sort_values("step", kind="stable", ignore_index=True)
             for rows in (self.truth, self.detections, self.tracks or [no_tracks])
         ]
-        return score_run(*tables, driven=Driven(driver_of(driver), ROAD))
+        return score_run(*tables, driven=DriverSetup(driver_of(driver), ROAD))
 
 
 def slow_car(**settings):

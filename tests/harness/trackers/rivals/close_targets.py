@@ -20,8 +20,15 @@ from harness.trackers.kalman import (
 )
 from harness.trackers.rivals.gaussian import pairs_of
 from harness.trackers.rivals.lives import Lives
-from harness.trackers.rivals.pmbm.clusters import Limits
-from harness.trackers.rivals.pmbm.mixture import Measured, Mixture, Pruning, nothing, survived, updated_mixture
+from harness.trackers.rivals.pmbm.clusters import HypothesisLimits
+from harness.trackers.rivals.pmbm.mixture import (
+    HypothesisMixture,
+    MeasuredHypotheses,
+    Pruning,
+    nothing,
+    survived,
+    updated_mixture,
+)
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import Detections
 
@@ -29,7 +36,7 @@ STEPS, TARGETS, SIDE_M = 81, 4, 300.0
 NOISE, SEEN, CLUTTER, SURVIVES, BORN, AT_FIRST = 0.02, 0.9, 10.0, 0.99, 0.005, 3.0
 CUTOFF_M = 10.0
 REPORTED = 0.4
-PRUNING = Pruning(gate_std=20.0**0.5, limits=Limits(200, 1e-4), least_existence=1e-5)
+PRUNING = Pruning(gate_std=20.0**0.5, limits=HypothesisLimits(200, 1e-4), least_existence=1e-5)
 BIRTH = GaussianStates(np.array([[100.0, 0.0, 100.0, 0.0]]), np.diag([150.0, 1.0, 150.0, 1.0])[None] ** 2)
 
 
@@ -113,7 +120,7 @@ def detections_of(places: FloatArray) -> Detections:
     return Detections(places[:, 0].copy(), places[:, 1].copy(), unknown, one, one, unknown)
 
 
-def followed(found: list[FloatArray], pruning: Pruning = PRUNING) -> list[Mixture]:
+def followed(found: list[FloatArray], pruning: Pruning = PRUNING) -> list[HypothesisMixture]:
     """Return the filter's beliefs after each scan."""
     mixture, undetected = nothing(pruning.alike_scans), Undetected(np.array([AT_FIRST]), BIRTH)
     believed, first_id = [], 1
@@ -124,7 +131,7 @@ def followed(found: list[FloatArray], pruning: Pruning = PRUNING) -> list[Mixtur
             undetected = undetected.later()
         detections = detections_of(places)
         newcomers, states = undetected.expected(detections)
-        measured = Measured(
+        measured = MeasuredHypotheses(
             time_s=float(k),
             detections=detections,
             sizes_m=np.ones((len(places), 2)),
@@ -139,7 +146,7 @@ def followed(found: list[FloatArray], pruning: Pruning = PRUNING) -> list[Mixtur
     return believed
 
 
-def places_of(mixture: Mixture) -> FloatArray:
+def places_of(mixture: HypothesisMixture) -> FloatArray:
     """Return where the targets are of the most probable global hypothesis that exist by 0.4 and more, shape (n, 2)."""
     best = mixture.best
     best = best[mixture.singles.existence[best] > REPORTED]

@@ -10,8 +10,16 @@ from harness.trackers.catalogue import build_tracker
 from harness.trackers.kalman import LAT, LON, SPEED, GaussianStates
 from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.lives import Lives
-from harness.trackers.rivals.pmbm.clusters import NO_TRACK, Cluster, Limits, merged, simplified, together, united
-from harness.trackers.rivals.pmbm.mixture import Mixture, Pruning, Singles
+from harness.trackers.rivals.pmbm.clusters import (
+    NO_TRACK,
+    Cluster,
+    HypothesisLimits,
+    merged,
+    simplified,
+    together,
+    united,
+)
+from harness.trackers.rivals.pmbm.mixture import HypothesisMixture, Pruning, Singles
 from harness.trackers.rivals.pmbm.tracker import Pmbm, PmbmOptions
 from mmpf.map.corridor_road import highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
@@ -32,7 +40,7 @@ from tests.harness.trackers.rivals.close_targets import (
 )
 
 SETTING = TrackerSetting(highway(), SensorModel(), np.random.default_rng(0))
-EVERYTHING = Pruning(gate_std=1e6, limits=Limits(10**12, 1e-30), least_existence=1e-12)
+EVERYTHING = Pruning(gate_std=1e6, limits=HypothesisLimits(10**12, 1e-30), least_existence=1e-12)
 SCANS = [
     np.array([[100.0, 100.0], [104.0, 99.0]]),
     np.array([[101.0, 100.5], [103.0, 99.5]]),
@@ -113,7 +121,7 @@ def partitions(items: list) -> list[list[frozenset]]:
     return found
 
 
-def partition_weights(mixture: Mixture) -> dict[frozenset, float]:
+def partition_weights(mixture: HypothesisMixture) -> dict[frozenset, float]:
     """Return what the filter makes of the same partitions, from the detections that each hypothesis remembers."""
     order = [(scan, k) for scan, places in enumerate(SCANS) for k in range(len(places))]
     number = {1 + k: label for k, label in enumerate(order)}
@@ -217,8 +225,8 @@ def test_a_track_without_a_part_in_the_best_hypothesis_lies_in_the_shadow_of_eve
     states = GaussianStates(mean, np.tile(0.01 * np.eye(4), (2, 1, 1)))
     singles = Singles(lives, states, np.ones(2), np.tile([4.7, 1.9], (2, 1)), np.zeros((2, 0), dtype=np.int64))
     scan = Scan(0.0, Detections(*[np.zeros(0)] * 6), EgoPose(200.0, 5.5, 0.0, 20.0, 4.7, 1.9))
-    both = Mixture(singles, (Cluster(((0,),), (0.0,)), Cluster(((1,),), (0.0,))))
-    front_alone = Mixture(singles, (Cluster(((0,), (1,)), (-0.1, -2.4)),))
+    both = HypothesisMixture(singles, (Cluster(((0,),), (0.0,)), Cluster(((1,),), (0.0,))))
+    front_alone = HypothesisMixture(singles, (Cluster(((0,), (1,)), (-0.1, -2.4)),))
     for mixture in (both, front_alone):
         front, rear = tracker._seen(scan, mixture)
         assert front == pytest.approx(SETTING.sensor.detection_probability)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.trackers.stonesoup.stitching import IdentityStitcher, Sightings, StitchingOptions
+from harness.trackers.stonesoup.stitching import IdentityStitcher, LastSightings, StitchingOptions
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
 
@@ -28,8 +28,8 @@ def tracks_of(rows: list[tuple[int, float, float, float, int]]) -> Tracks:
     )
 
 
-def sightings(first_s: list[float], last_s: list[float]) -> Sightings:
-    return Sightings(np.array(first_s, dtype=float), np.array(last_s, dtype=float))
+def sightings(first_s: list[float], last_s: list[float]) -> LastSightings:
+    return LastSightings(np.array(first_s, dtype=float), np.array(last_s, dtype=float))
 
 
 def hide_track_1(stitcher: IdentityStitcher) -> None:
