@@ -59,7 +59,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         sequence = mot_sequence(rows, history, pairs, selection)
         truth_row = rows.truth.name_row[selection.truth]
         size_m = run.truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)[truth_row]
-        if rows.ego_direction_rad is not None:
+        if rows.has_headings:
             size_m, sizes = (np.full_like(each, NOMINAL_LENGTH_M) for each in (size_m, sizes))
         truth_boxes = _boxes(rows.truth.lon_m[selection.truth], rows.truth.lat_m[selection.truth], size_m)
         visible = run.truth["visible_fraction"].to_numpy(dtype=np.float64)[truth_row]

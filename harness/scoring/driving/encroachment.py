@@ -27,7 +27,7 @@ def post_encroachment_times(egos: Egos, bodies: Bodies, rows: RunRows) -> FloatA
     The crossing's conflict area is as wide as the two vehicles; an encounter of which the record lacks an entry or an
     exit is left out, and one in which both are there at once has the time 0.
     """
-    if rows.ego_direction_rad is None:
+    if not rows.has_headings:
         return np.zeros(0)
     found: list[float] = []
     for episode in np.unique(egos.episode):

@@ -15,14 +15,14 @@ from mmpf.numerics.arrays import FloatArray, IntArray, turned
 BETWEEN_STEPS_M = 1e9
 
 
-def read_directions(truth: pd.DataFrame) -> FloatArray | None:
-    """Return the directions of a truth table's rows, shape (n,); None where the road has a frame of its own.
+def read_directions(truth: pd.DataFrame) -> FloatArray:
+    """Return the directions of a truth table's rows, shape (n,); zeros where the road has a frame of its own.
 
     Raises:
         ValueError: A direction is not finite.
     """
     if "direction_rad" not in truth:
-        return None
+        return np.zeros(len(truth))
     direction = truth["direction_rad"].to_numpy(dtype=np.float64, na_value=np.nan)
     if not np.isfinite(direction).all():
         raise ValueError("truth: direction_rad holds a value that is not finite")

@@ -109,7 +109,8 @@ class RunRows:
     Attributes:
         time_s: Time of each step, shape (steps,), as ``episode``.
         ego_direction_rad: Direction of the ego at each step, as that of ``TruthRows``, nan at a step without one, shape
-            (steps,); None on a road that has a frame of its own.
+            (steps,).
+        has_headings: Whether directions are those in which vehicles point, or all that of the road's own frame.
         hidden_by_wall: Whether walls hide more of each vehicle than other vehicles do, shape (n,) along ``truth``; None
             on a road without walls.
         on_roundabout: Whether each vehicle is on a roundabout, shape (n,) along ``truth``; None where none is known.
@@ -120,7 +121,8 @@ class RunRows:
     truth: TruthRows
     detections: DetectionRows
     tracks: TrackRows
-    ego_direction_rad: FloatArray | None = None
+    ego_direction_rad: FloatArray
+    has_headings: bool
     hidden_by_wall: BoolArray | None = None
     on_roundabout: BoolArray | None = None
 
@@ -152,14 +154,14 @@ def read_run(
     order = np.lexsort((step_index[keep], vehicle))
     rows, vehicle = keep[order], vehicle[order]
     found = _all_detections(detections, steps, names, name_codes[rows].astype(np.int64), step_index[rows])
-    direction, ego_direction = read_directions(truth), None
-    if direction is not None:
+    direction, has_headings = read_directions(truth), "direction_rad" in truth
+    if has_headings:
         places = step_index, _floats(truth, "lon_m"), _floats(truth, "lat_m")
         nearest = nearest_row(found.step, found.lon_m, found.lat_m, *places)
         found = replace(found, direction_rad=direction[nearest])
-        ego = np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))
-        ego_direction = np.full(len(steps), np.nan)
-        ego_direction[step_index[ego]] = direction[ego]
+    ego = np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))
+    ego_direction = np.full(len(steps), np.nan)
+    ego_direction[step_index[ego]] = direction[ego]
     windows = _windows(truth, first_row, edge_m)
     inside = _inside(_floats(truth, "lon_m"), windows, step_index)
     detected = np.zeros(len(rows), dtype=bool)
@@ -179,7 +181,7 @@ def read_run(
             in_range=truth["in_range"].to_numpy(dtype=bool)[rows] & inside[rows],
             state=_state_codes(truth["state"], VISIBILITY_STATES)[rows],
             detected=detected,
-            direction_rad=np.zeros(len(rows)) if direction is None else direction[rows],
+            direction_rad=direction[rows],
             accel_mps2=_floats(truth, "accel_mps2")[rows] if "accel_mps2" in truth else None,
             parked=truth["parked"].to_numpy(dtype=bool)[rows] if "parked" in truth else None,
             pseudo_hidden_s=_floats(truth, "pseudo_hidden_s")[rows] if "pseudo_hidden_s" in truth else None,
@@ -187,6 +189,7 @@ def read_run(
         detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),
         ego_direction_rad=ego_direction,
+        has_headings=has_headings,
         hidden_by_wall=_hidden_by_wall(truth, rows),
         on_roundabout=truth["on_roundabout"].to_numpy(dtype=bool)[rows] if "on_roundabout" in truth else None,
     )

@@ -78,9 +78,8 @@ def manoeuvres(rows: RunRows) -> IntArray:
     rate = heading_rate(truth)
     code = np.where(rate > 0.0, LEFT, RIGHT)
     code[np.abs(rate) <= TURN_RATE_RADPS] = STRAIGHT
-    if rows.ego_direction_rad is not None:
-        away = wrapped(truth.direction_rad - rows.ego_direction_rad[truth.step])
-        code[(code == STRAIGHT) & (np.abs(away) > ONCOMING_RAD)] = ONCOMING
+    away = wrapped(truth.direction_rad - rows.ego_direction_rad[truth.step])
+    code[(code == STRAIGHT) & (np.abs(away) > ONCOMING_RAD)] = ONCOMING
     if rows.on_roundabout is not None:
         code[rows.on_roundabout] = ROUNDABOUT
     return code
@@ -109,7 +108,7 @@ def heading_rate(truth: TruthRows) -> FloatArray:
 def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart | None:
     """Count in a stretch; None on a road with a frame of its own."""
     rows, errors = evidence.rows, evidence.errors
-    if rows.ego_direction_rad is None:
+    if not rows.has_headings:
         return None
     code = manoeuvres(rows)
     kept = scored_rows(rows, evidence.history, evidence.settings)

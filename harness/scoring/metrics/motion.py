@@ -58,7 +58,7 @@ def measure_motion(evidence: Evidence) -> FloatArray:
     )
     turn = _course(tracks.lat_speed_mps[followed], tracks.speed_mps[followed])
     turn = np.abs(turn - _course(truth.lat_speed_mps[kept], truth.speed_mps[kept]))
-    moves = (truth.speed_mps[kept] >= MOVING_MPS) & (rows.ego_direction_rad is None)
+    moves = (truth.speed_mps[kept] >= MOVING_MPS) & (not rows.has_headings)
     accel = np.full(len(kept), np.nan)
     if truth.accel_mps2 is not None and tracks.accel_mps2 is not None:
         accel = np.abs(tracks.accel_mps2[followed] - truth.accel_mps2[kept])

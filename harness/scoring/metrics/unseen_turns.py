@@ -45,7 +45,7 @@ class TurnsPart:
 def measure_turns(evidence: Evidence) -> TurnsPart | None:
     """Count in a stretch; None on a road with a frame of its own."""
     rows, events = evidence.rows, evidence.events
-    if rows.ego_direction_rad is None:
+    if not rows.has_headings:
         return None
     code = manoeuvre_between(manoeuvres(rows), events.onset_row, events.return_row)
     turned = np.isin(code, (LEFT, RIGHT, ROUNDABOUT)) & (events.duration_s >= UNSEEN_S - TIME_TOLERANCE_S)

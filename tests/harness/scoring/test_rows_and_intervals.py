@@ -77,7 +77,8 @@ def test_a_vehicle_counts_up_to_the_gate_within_what_is_known_of_the_road_its_ed
 def test_what_a_source_tells_of_walls_roundabouts_and_parked_vehicles_is_taken_along():
     truth, detections, tracks = small()
     plain = read_run(truth, detections, tracks)
-    assert (plain.hidden_by_wall, plain.on_roundabout, plain.truth.parked, plain.ego_direction_rad) == (None,) * 4
+    assert (plain.hidden_by_wall, plain.on_roundabout, plain.truth.parked) == (None,) * 3
+    assert (plain.has_headings, plain.ego_direction_rad.tolist()) == (False, [0.0] * 3)
     assert plain.detections.truth_row.tolist() == [0, 1, 2, -1]
     place = truth["step"].to_numpy()
     told = read_run(
@@ -90,6 +91,7 @@ def test_what_a_source_tells_of_walls_roundabouts_and_parked_vehicles_is_taken_a
     assert told.hidden_by_wall.tolist() == [False, True, True]
     assert told.on_roundabout.tolist() == [False, True, False]
     assert told.truth.parked.tolist() == [False, False, True]
+    assert told.has_headings
     assert told.ego_direction_rad.tolist() == [0.0, 0.1, 0.2]
     assert told.truth.direction_rad.tolist() == [0.0, 0.1, 0.2]
     assert told.detections.direction_rad.tolist() == [0.0, 0.1, 0.2, 0.1]

@@ -77,7 +77,7 @@ class Rows:
     """What is used of a run's rows."""
 
     def __init__(self, time_s, vehicle):
-        self.time_s, self.ego_direction_rad = time_s, np.zeros(len(time_s))
+        self.time_s, self.has_headings = time_s, True
         self.truth = type("Truth", (), {"vehicle": vehicle})
 
 
