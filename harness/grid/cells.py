@@ -42,11 +42,7 @@ class GridPlan:
 
 @dataclass(frozen=True)
 class Cell:
-    """Runs that share their truth and detections.
-
-    Attributes:
-        keep_in: Folder in which each run leaves a run folder of its own; None where only its row is kept.
-    """
+    """Runs that share their truth and detections."""
 
     runs: tuple[PlannedRun, ...]
     keep_in: Path | None = None
@@ -67,7 +63,6 @@ class PlannedRun:
     """One run of the grid.
 
     Attributes:
-        variant: The tracker as the user wrote it, with its own settings.
         varied: Values of the other axes by key; absent where an axis does not concern the tracker.
         mismatch: Name of the mismatch between what is true and what is believed; None outside a grid of them.
     """

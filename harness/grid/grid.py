@@ -45,12 +45,7 @@ class GridRequest:
         nets: Several networks, a list; None with ``net``. Each has its default demand where neither densities nor
             demands are given.
         densities: Vehicles per km and lane, a range or list; None with ``demands`` or a network with its own demand.
-        demands: Named demands, a list; None with ``densities``.
-        models: Motion models, a list; None for the tracker's default.
-        settings: ``KEY=VALUE`` words that hold for all runs.
         vary: ``KEY=VALUES`` words; each is one more axis.
-        replay: Files of recorded traffic in place of simulated traffic.
-        ego: Which recorded vehicles carry the sensor, as in ``ego`` of a run.
         mismatch: Worlds of ``harness.grid.worlds`` under each of which every run is made: a list, or all; True for the
             usual ones.
     """

@@ -79,11 +79,6 @@ def make_rows(
 ) -> Outcome:
     """Make the rows of a grid that its folder lacks, then write their results.
 
-    Args:
-        write_outcome: Writes what all rows tell into the folder, and returns it.
-        resume: Whether rows that the folder already holds are kept.
-        retry_failed: Whether those of them that failed are made again.
-
     Raises:
         InputError: The folder is wrong; no run was made.
         RunInterruptedError: The user stopped it; finished runs are kept.

@@ -43,7 +43,6 @@ def run_cells(
     Args:
         timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
         on_row: Called with the key and row of every run once, in the order in which they end.
-        worker_module: Module whose ``main`` a worker process runs.
     """
     waiting = CellQueue(cells)
     pool: list[_Worker] = []

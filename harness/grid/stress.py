@@ -64,11 +64,6 @@ def run_stress(
 ) -> FinishedGrid:
     """Run a grid and write its folder.
 
-    Args:
-        execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
-        resume: Whether runs that the folder already holds are kept.
-        retry_failed: Whether those of them that failed are made again.
-
     Raises:
         InputError: The grid or the folder is wrong; no run was made.
         RunInterruptedError: The user stopped it; finished runs are kept.

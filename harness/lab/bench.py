@@ -46,8 +46,6 @@ class BenchPlan:
     """What is measured.
 
     Attributes:
-        trackers: Trackers by name, those of this project with their motion model (``mmpf:gmm``), Stone Soup's with
-            ``:coarse`` for the gate that spares them distances to far detections; none for the usual ones.
         budget_s: Processor time that each tracker has for each number of vehicles; a slower one drops out.
     """
 

@@ -28,7 +28,6 @@ def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tupl
 
     Args:
         rows: Rows as ``harness.truth.recorded.logs`` reads them, one at each time the ego.
-        figures: The sensor, by whose reach and fractions vehicles are visible or hidden.
     """
     clock = _clock(rows)
     rows = rows.rename(columns={"time_s": "own"}).drop(columns="step", errors="ignore")
@@ -112,11 +111,7 @@ def _look(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> None:
 
 
 def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
-    """Return the table of detections, each with the vehicle that it is of.
-
-    Args:
-        found: Rows as they were read; None if every vehicle that is not hidden counts as detected.
-    """
+    """Return the table of detections, each with the vehicle that it is of."""
     if found is None:
         unseen = [VISIBILITY_STATES[HIDDEN], VISIBILITY_STATES[OUT]]
         seen = truth[~truth["is_ego"] & ~truth["state"].isin(unseen)]

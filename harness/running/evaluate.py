@@ -64,12 +64,7 @@ class Evaluated:
         total_s: float,
         stages_ms: Mapping[str, Sequence[float]] | None = None,
     ) -> dict[str, Any]:
-        """Return the content of ``metrics.json``; a score that was not made is null, never absent.
-
-        Args:
-            about: Other tables about the run, by name.
-            stages_ms: Wall times inside the tracker by stage, where it tells them.
-        """
+        """Return the content of ``metrics.json``; a score that was not made is null, never absent."""
         tables = {
             "run": identification(config),
             **completed({**self.scores, **about}),
@@ -88,9 +83,7 @@ class Evaluation:
     are, is scored as a whole when it has ended. So is one whose metrics are not all in parts, however long it is.
 
     Attributes:
-        looks: What the tracker is shown.
         driven: The road of the truth, and the driver that is asked on it; None asks no driver.
-        keepers: What else is kept, by the file of its table.
         writer: Writes each stretch; None keeps the run in memory.
     """
 
@@ -120,11 +113,7 @@ class Evaluation:
         return self._recorder.steps
 
     def follow(self, watchers: Sequence[Watch] = (), stream: np.random.SeedSequence | None = None) -> None:
-        """Follow the looks to their end.
-
-        Args:
-            stream: Parent of the trackers' streams; None takes that of the root seed.
-        """
+        """Follow the looks to their end."""
         stream = RandomStreams.from_seed(self.seed).tracker if stream is None else stream
         watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()))
         follow(self.looks, self.build, self._recorder, stream, watchers, self.times)

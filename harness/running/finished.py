@@ -39,12 +39,6 @@ class RecordedRun:
     """Everything that a run folder says.
 
     Attributes:
-        metrics: Content of ``metrics.json``.
-        manifest: Content of ``manifest.json``.
-        truth: One row per vehicle and step.
-        detections: One row per detection.
-        errors: One row per vehicle that has been detected and step.
-        events: One row per occlusion event.
         particles: A few particles of each step; None of a tracker without particles.
         brakings: One row per missed or phantom braking; None of a run that asked no driver.
         commands: One row per step: what the driver would do; likewise.

@@ -49,7 +49,6 @@ def follow(
 
     Args:
         build_tracker: Called at the start of each episode.
-        stream: Parent of one stream of randomness for each episode's tracker.
     """
     keep_freed_memory()
     # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.

@@ -88,9 +88,6 @@ def score_logs(logs: Logs, out: Path | None, force: bool, command: str) -> tuple
     Args:
         out: The folder to write; None for a name in ``results/``.
 
-    Returns:
-        The folder, the content of ``metrics.json``, and what the user should know.
-
     Raises:
         InputError: A file is missing, of no known format, broken, or the files do not belong together.
     """

@@ -42,13 +42,9 @@ class Looks:
     """The looks at one piece of traffic in order, and what is known beforehand.
 
     Attributes:
-        road: The road whose frame the looks use.
         expected_steps: How many looks there are at most, for progress.
         stream: The looks, each made when it is asked for; they can be gone through once unless they are ``kept``.
         close: Releases what makes them; harmless to call twice.
-        files: The files that decided them, by a name for the manifest.
-        report: What the user should know about them; empty if nothing.
-        about: Tables about them for ``metrics.json``, by name.
         noise_factor: Factor on the deviations that detections report, as trackers are shown them.
         tells_signals: Whether trackers are told the states of the road's signals.
     """

@@ -56,8 +56,6 @@ class TrafficSums:
 
     Attributes:
         in_range: Vehicle-steps within the sensor's range, without the ego.
-        inside: Vehicle-steps on a lane of the section.
-        speed_mps: Sum of their speeds.
         lane_km: In the plane, sum over steps of the length of lanes around the ego, paths across junctions left out.
     """
 

@@ -46,13 +46,7 @@ class FinishedRun:
 
 @dataclass(frozen=True)
 class Pictured:
-    """What a run's figures show.
-
-    Attributes:
-        errors: Rows of the error table, of a long run those of some steps.
-        moment: The moment that is seen from above.
-        diagnostics: What the tracker told of each step; None of one that tells nothing.
-    """
+    """What a run's figures show."""
 
     title: str
     road: Road
@@ -65,12 +59,7 @@ class Pictured:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Draws a run into its folder while that is not finished; handed in, since a run itself never draws.
-
-    Attributes:
-        figures: Draws figures into a folder of their own.
-        page: Writes the page of a run's folder in which everything else lies.
-    """
+    """Draws a run into its folder while that is not finished; handed in, since a run itself never draws."""
 
     figures: Callable[[Path, Pictured], object]
     page: Callable[[Path], object]

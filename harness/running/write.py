@@ -23,13 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class RunWriter:
-    """Writes a run's tables stretch by stretch, and at its end what is to be said of it.
-
-    Attributes:
-        inputs: SHA-256 of each input file.
-        code: SHA-256 of the code that decides results.
-        wall_s: Wall time of each phase so far.
-    """
+    """Writes a run's tables stretch by stretch, and at its end what is to be said of it."""
 
     folder: Path
     seed: int

@@ -134,9 +134,6 @@ def visibility_of(
 ) -> tuple[FloatArray, IntArray, FloatArray | None]:
     """Return what is seen of each vehicle of the frame; only vehicles that matter enter the geometry.
 
-    Args:
-        in_range: What is in reach of the sensor; of the rest nothing is seen, shape (n,).
-
     Returns:
         The visible fractions; the index of the vehicle that covers most of each, -1 where none does; and the share
         behind walls, None on a road without walls; each of shape (n,).

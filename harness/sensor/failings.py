@@ -106,10 +106,6 @@ def merged(
     """Return the boxes with those that merge gone, each into the nearest one that it nearly touches.
 
     The box that stays, that of the vehicle of which more is seen, stands for it and reaches over both.
-
-    Args:
-        boxes: One for each vehicle that is detected, b of them.
-        visible_fraction: How much of each is seen, shape (b,).
     """
     lon, lat, length, width = (np.array(part) for part in (boxes.lon_m, boxes.lat_m, boxes.length_m, boxes.width_m))
     axis = boxes.axis_rad

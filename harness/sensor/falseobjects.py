@@ -35,9 +35,6 @@ def ghosts_after(
     Their number around the ego is Poisson with the asked-for mean at all times and their lives are exponential. One
     that the ego leaves behind comes in again as another at the opposite end of the range, in the plane anywhere on the
     lanes in range, so that driving past them makes them no rarer.
-
-    Args:
-        before: The false objects a step ago; None at the first.
     """
     ego = frame.ego_pose
     if before is None:
@@ -122,11 +119,7 @@ def mirror_images(mirrored: Mirrored, scene: Scene) -> Ghosts:
 
 
 def posts_along(settings: SensorSettings, road: Road, ego: EgoPose, rng: np.random.Generator) -> Ghosts:
-    """Draw permanent objects beside the road: at the borders of its lanes, or on the lanes in the plane.
-
-    Args:
-        ego: Where the ego is first; a road without end has posts up to 5 km to either side of it.
-    """
+    """Draw permanent objects beside the road: at the borders of its lanes, or on the lanes in the plane."""
     place = road.draw_beside_lanes(settings.posts_per_km, (ego.lon_m, ego.lat_m), rng)
     return _of_a_cars_size(place, np.zeros(len(place[0])), rng)
 

@@ -18,11 +18,7 @@ NORMALS = 7
 
 
 class Chain(NamedTuple):
-    """A state that comes in runs.
-
-    Attributes:
-        share: Share of time in the state, below 1, shape (n,) or a number.
-    """
+    """A state that comes in runs: its share of time, below 1, and the mean length of a run, each (n,) or a number."""
 
     share: FloatArray | float
     run_s: FloatArray | float
@@ -33,9 +29,6 @@ def next_state(chain: Chain, before: FloatArray, step_s: float, uniforms: FloatA
 
     A chain that holds on to its state with the right probability and else draws it anew has exactly the asked-for
     share, and runs of the asked-for mean length, where these are longer than those of independent draws.
-
-    Args:
-        before: 1 or 0 for the state a step ago; nan where there was none, shape (n,).
     """
     share = np.broadcast_to(np.asarray(chain.share, dtype=np.float64), before.shape)
     run_s = np.broadcast_to(np.asarray(chain.run_s, dtype=np.float64), before.shape)
@@ -50,9 +43,6 @@ class VehicleMemory:
 
     Attributes:
         missed: 1 where a vehicle is in a run of misses, 0 elsewhere, nan if it is new; shape (n,).
-        burst: The same for bursts of misses that have nothing to do with visibility.
-        split: The same for one vehicle seen as two boxes.
-        merged: The same for two vehicles seen as one box.
         drift: Standard normal numbers that drift, nan if new, shape (n, ``NORMALS``).
     """
 
@@ -150,8 +140,6 @@ class SensorMemory:
     """All that one sensor remembers within one episode.
 
     Attributes:
-        ghosts: False objects that stay; None before the first scan.
-        mirrored: False objects that mirror a vehicle; None before the first scan.
         posts: What stands beside the road for the whole run; None before its first scan.
         detectability: Factor on the detection probability of each vehicle that was met in the run, by name.
         pending: Times and contents of scans that were made but not handed out yet, oldest first.

@@ -24,11 +24,7 @@ class PositionStd:
 
     Attributes:
         fit_lon_m: Error of the fitted box along its axis.
-        fit_lat_m: Error of the fitted box across its axis.
-        along_m: Error along the line of sight.
-        across_m: Error across it.
         lon_m: All of them together, longitudinal.
-        lat_m: All of them together, lateral.
         correlation: Correlation of ``lon_m`` and ``lat_m``, -1 to 1.
     """
 
@@ -48,12 +44,7 @@ def position_std(
     visible_fraction: FloatArray,
     axis_rad: FloatArray | float = 0.0,
 ) -> PositionStd:
-    """Return how precisely vehicles are measured.
-
-    Args:
-        angle_rad: Direction of the line of sight against the box's axis, shape (n,).
-        axis_rad: Direction of the box's axis against the frame's, shape (n,); zero on a road.
-    """
+    """Return how precisely vehicles are measured."""
     factor = box_factor(settings, visible_fraction)
     fit_lon, fit_lat = factor * settings.std_lon_m, factor * settings.std_lat_m
     along = factor * np.hypot(settings.std_range_m, settings.std_range_share * distance_m)

@@ -19,11 +19,9 @@ class Observation:
     """The sensor's result for one frame.
 
     Attributes:
-        scan: What the tracker is given.
         truth_id: Vehicle that each detection came from, empty for clutter, shape (d,). For scoring only.
         detection_visible_fraction: Visible fraction of that vehicle, nan for clutter, shape (d,). For scoring only.
         visible_fraction: Visible fraction of each vehicle of the frame, shape (n,); 1 for the ego.
-        occluder: Index in the frame of the vehicle that covers most of each vehicle, -1 where none, shape (n,).
         in_range: Whether each vehicle's centre lies within the sensor's range, shape (n,).
         state: ``VISIBLE``, ``PARTIAL``, ``HIDDEN`` or ``OUT`` of range for each vehicle, shape (n,).
         behind_walls: Share of each vehicle that walls hide, in [0, 1], shape (n,); None on a road without walls.
@@ -55,12 +53,7 @@ class Observation:
 
 @dataclass(frozen=True)
 class Look:
-    """What the sensor saw at one moment, with the truth beside it.
-
-    Attributes:
-        truth_s: Wall time that making the frame took; no part of a run's results.
-        sensor_s: Wall time that making the observation took; likewise.
-    """
+    """What the sensor saw at one moment, with the truth beside it, and the wall times that both took."""
 
     frame: Frame
     observation: Observation
@@ -80,7 +73,6 @@ class Sensor(Protocol):
 
         Args:
             road: Maps the frame's road coordinates to the plane in which light travels straight.
-            rng: The sensor's own stream.
 
         Returns:
             The observation; detections are in an order that tells nothing of the vehicles.

@@ -24,9 +24,6 @@ sensor_profiles: Registry[Callable[[], SensorSettings]] = Registry(
 def sensor_settings(profile: str, overrides: Mapping[str, object]) -> SensorSettings:
     """Return a profile's settings with some fields replaced.
 
-    Args:
-        overrides: New values by field name; numbers may be given as text.
-
     Raises:
         InputError: There is no such profile or field, or a value is out of bounds.
     """

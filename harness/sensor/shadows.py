@@ -27,7 +27,6 @@ def free_space(
     The ray through the middle of a sector speaks for the whole of it (half a degree, 0.9 m wide at 100 m).
 
     Args:
-        detections: The scan's detections, clutter included: the sensor can't tell.
         range_m: Free distance of a sector without a detection.
         field_of_view_rad: Angle of view, centred on the ego's heading; sectors outside it have free distance zero.
     """

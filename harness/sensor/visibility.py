@@ -32,7 +32,6 @@ def visible_fractions(
     every direction: it is wholly visible and everything else is hidden behind it.
 
     Args:
-        sensor_xy: Position of the sensor, metres.
         bodies: Rows of the rectangles' centres (x and y), headings, lengths and widths, shape (5, n).
         walls: The same of walls, shape (5, w).
 

@@ -50,11 +50,7 @@ class BirthSpread(Protocol):
 def predict_constant_velocity(
     states: GaussianStates, interval_s: float, lon_noise: float, lat_noise: float
 ) -> GaussianStates:
-    """Predict by the nearly-constant-velocity model (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2).
-
-    Args:
-        lon_noise: Power spectral density of the longitudinal acceleration, m^2/s^3.
-    """
+    """Predict by the nearly-constant-velocity model (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2)."""
     transition = np.eye(4)
     transition[LON, SPEED] = transition[LAT, LAT_SPEED] = interval_s
     unit_noise = np.array([[interval_s**3 / 3, interval_s**2 / 2], [interval_s**2 / 2, interval_s]])
@@ -73,7 +69,6 @@ def update_variable(
 
     Args:
         index: Which vehicles are measured, each at most once, shape (k,).
-        variable: ``LON``, ``SPEED``, ``LAT`` or ``LAT_SPEED``.
     """
     prior = taken(states, index)
     cross = prior.covariance[:, :, variable]
@@ -86,11 +81,7 @@ def update_variable(
 
 
 def updated(states: GaussianStates, index: IntArray, detections: Detections, detection: IntArray) -> GaussianStates:
-    """Return beliefs after a detection each of some of them: place, and speed where it is measured.
-
-    Args:
-        index: Whose detections they are, each at most once, shape (k,).
-    """
+    """Return beliefs after a detection each of some of them: place, and speed where it is measured."""
     states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
     states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
     has_speed = np.isfinite(detections.speed_mps[detection])
@@ -103,7 +94,6 @@ def newborn(detections: Detections, detection: IntArray, ego: EgoPose, spread: B
 
     Args:
         detection: Which of them begin a belief, shape (k,).
-        spread: How widely speeds that are not measured are spread.
     """
     count = len(detection)
     has_speed = np.isfinite(detections.speed_mps[detection])
@@ -126,7 +116,6 @@ def tracks_of(
 
     Args:
         mean: Means that begin with ``LON, SPEED, LAT, LAT_SPEED``, shape (n, 4 or more).
-        state: ``TENTATIVE``, ``CONFIRMED`` or ``HIDDEN``, shape (n,).
         existence: Probability that each is a vehicle, shape (n,); one if None.
     """
     return Tracks(

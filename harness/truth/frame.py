@@ -24,15 +24,11 @@ class Frame:
     """All vehicles at one instant in the road frame, struct of arrays, each of shape (n,).
 
     Attributes:
-        step: Number of the frame, from 0, growing by one.
-        time_s: Time since the first frame.
         episode: Number of the ego's stay; a new ego begins a new episode.
         ego: Index of the ego vehicle in the arrays.
         vehicle_id: Name of each vehicle, as its source calls it.
         lon_m: Longitudinal position of the vehicle's centre.
-        lat_m: Lateral position of the centre, positive to the left.
         heading_rad: Heading against the road's direction, positive to the left.
-        speed_mps: Longitudinal speed.
         lat_speed_mps: Lateral speed, positive to the left.
         lane: Lane number as in ``mmpf.map.road``; 0 off the road.
         window_m: Stretch of the road of which the source knows all vehicles; beyond it nothing is scored.

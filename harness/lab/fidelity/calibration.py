@@ -30,10 +30,7 @@ class CalibrationRequest:
     """The request of a calibration.
 
     Attributes:
-        fields: Folder of the recorded fields; None to take the figures that travel with the network.
-        recordings: Files and folders of recorded vehicles; none to take the figures that travel with the network.
         seeds: Seeds of the first candidate's runs; each further one takes the next as many.
-        keep_drivers: Whether only the demands are fitted; so it is for a single demand, too.
         fresh: Whether to begin with the measurements rather than with the calibration that is there.
         first_step: Share of what is missing that is made up for after the first trial.
     """

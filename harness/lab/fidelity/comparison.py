@@ -12,7 +12,6 @@ from scipy.stats import wasserstein_distance
 
 from harness.common.errors import InputError
 from harness.lab.fidelity.fields import Fields, read_fields
-from harness.lab.fidelity.lanes import LaneShare, lane_shares
 from harness.lab.fidelity.measured import MeasuredSite, measure, read_measured
 from harness.lab.fidelity.samples import (
     RATE,
@@ -30,13 +29,7 @@ from harness.truth.network.network import Network
 
 @dataclass(frozen=True)
 class FidelityRequest:
-    """The request of a comparison with measured traffic.
-
-    Attributes:
-        demands: Demands to be compared; none for all that were measured.
-        fields: Folder of the recorded fields; None to take the figures that travel with the network.
-        recordings: Files and folders of recorded vehicles.
-    """
+    """The request of a comparison with measured traffic."""
 
     demands: tuple[str, ...]
     seeds: tuple[int, ...]
@@ -55,8 +48,6 @@ class Period:
     """One period on both sides.
 
     Attributes:
-        simulated: Figures over all seeds.
-        seeds: Figures of each seed.
         fields: One simulated run's fields, and the recorded ones if they are there.
     """
 
@@ -88,7 +79,6 @@ class Fidelity:
     Attributes:
         source: Where the measurements are published.
         distances: Distances of the distributions; none without recorded vehicles.
-        lanes: What each main lane carries on both sides; none without recorded vehicles.
         samples: Simulated and recorded samples; None without recorded vehicles.
         left_out: What could not be compared, and why.
     """
@@ -97,7 +87,6 @@ class Fidelity:
     source: str
     periods: tuple[Period, ...]
     distances: tuple[Distance, ...]
-    lanes: tuple[LaneShare, ...]
     samples: tuple[BehaviourSamples, BehaviourSamples] | None
     left_out: tuple[str, ...]
     setting: Mapping[str, Any]
@@ -121,7 +110,6 @@ class Fidelity:
                 entry.quantity: {key: value for key, value in asdict(entry).items() if key != "quantity"}
                 for entry in self.distances
             },
-            "lanes": [asdict(entry) for entry in self.lanes],
             "left_out": list(self.left_out),
         }
 
@@ -161,7 +149,6 @@ def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable
         source=site.source,
         periods=periods,
         distances=distances(simulated, recorded) if recorded is not None else (),
-        lanes=lane_shares(simulated, recorded) if recorded is not None else (),
         samples=(simulated, recorded) if recorded is not None else None,
         left_out=tuple(left_out),
         setting={

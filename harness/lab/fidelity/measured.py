@@ -32,9 +32,7 @@ class MeasuredPeriod(_StrictModel):
 
     Attributes:
         start_s: When it begins, seconds after the recording's begin.
-        duration_s: How long it is.
         skip_s: How much of its begin is left out, of the simulated one too.
-        statistics: Its figures.
         parts: Figures of each five minutes of it.
     """
 
@@ -56,9 +54,7 @@ class MeasuredSite(_StrictModel):
     """The content of ``measured.toml``.
 
     Attributes:
-        source: Where the measurements are published.
         periods: The periods by the demand that stands for each.
-        vehicles: What single vehicles do; None if nothing was measured of them.
     """
 
     source: str

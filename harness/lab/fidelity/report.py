@@ -13,14 +13,12 @@ from harness.common.files import save_figure, write_text
 from harness.common.markdown import markdown_table
 from harness.lab.fidelity.comparison import Distance, Fidelity, Period
 from harness.lab.fidelity.fields import Fields
-from harness.lab.fidelity.lanes import LaneShare
 from harness.lab.fidelity.samples import UNITS
 from harness.lab.fidelity.statistics import Target
 from mmpf.numerics.arrays import FloatArray
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "agrees")
 DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")
-LANE_HEADINGS = ("lane", "speed, simulated", "speed, recorded", "flow, simulated", "flow, recorded")
 # Okabe and Ito's blue and vermilion.
 SIMULATED, RECORDED = "#0072B2", "#D55E00"
 FASTEST_SHOWN_MPS = 20.0
@@ -64,17 +62,6 @@ def as_markdown(result: Fidelity) -> str:
             *markdown_table(DISTANCE_HEADINGS, [_distance_row(entry) for entry in result.distances]),
             "",
         ]
-    if result.lanes:
-        lines += [
-            "## Lanes",
-            "",
-            "Speed and flow of each main lane over the mean of all of them, so that it does not matter which part of "
-            "the periods a recording is of. Brackets: 95 % bootstrap over recordings. A recording that holds only "
-            "vehicles near a chosen one counts like the others, and says little about flow.",
-            "",
-            *markdown_table(LANE_HEADINGS, [_lane_row(entry) for entry in result.lanes]),
-            "",
-        ]
     if result.left_out:
         lines += ["## Left out", "", *(f"- {reason}" for reason in result.left_out), ""]
     return "\n".join(lines)
@@ -113,17 +100,6 @@ def _distance_row(entry: Distance) -> tuple[str, ...]:
         f"{entry.measured_mean:.2f}",
         str(entry.simulated_n),
         str(entry.measured_n),
-    )
-
-
-def _lane_row(entry: LaneShare) -> tuple[str, ...]:
-    (speed_low, speed_high), (flow_low, flow_high) = entry.measured_speed_interval, entry.measured_flow_interval
-    return (
-        str(entry.lane),
-        f"{entry.simulated_speed:.2f}",
-        f"{entry.measured_speed:.2f} [{speed_low:.2f}, {speed_high:.2f}]",
-        f"{entry.simulated_flow:.2f}",
-        f"{entry.measured_flow:.2f} [{flow_low:.2f}, {flow_high:.2f}]",
     )
 
 

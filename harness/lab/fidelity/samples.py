@@ -7,13 +7,12 @@ time at the follower's speed, between the fronts of two vehicles in a row on one
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.lab.fidelity.statistics import MAIN_LANES
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.fcd import declares_types
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
@@ -48,7 +47,6 @@ class VehicleStatistics:
     """What the driving of single vehicles is calibrated by.
 
     Attributes:
-        lane_changes_per_km: Lane changes per vehicle and kilometre.
         acceleration_spread_mps2: Mean absolute difference of accelerations from their mean.
     """
 
@@ -62,14 +60,11 @@ class BehaviourSamples:
 
     Attributes:
         values: Samples by quantity, each of shape (n,).
-        by_lane: Of each run or recording, the time that all vehicles spent on each main lane, lane 1 first, in s, and
-            the distance that they travelled there, in m: shape (pieces, lanes, 2).
     """
 
     values: dict[str, FloatArray]
     lane_changes: int
     vehicle_km: float
-    by_lane: FloatArray = field(default_factory=lambda: np.zeros((0, MAIN_LANES, 2)))
 
     @property
     def changes_per_km(self) -> float:
@@ -90,7 +85,6 @@ def merged(parts: Iterable[BehaviourSamples]) -> BehaviourSamples:
         values={name: np.concatenate([part.values[name] for part in listed]) for name in UNITS},
         lane_changes=sum(part.lane_changes for part in listed),
         vehicle_km=sum(part.vehicle_km for part in listed),
-        by_lane=np.concatenate([part.by_lane for part in listed]),
     )
 
 
@@ -107,7 +101,6 @@ class Sampler:
         self._paths: list[tuple[FloatArray, ...]] = []
         self._numbers: dict[str, int] = {}
         self._travelled_m = 0.0
-        self._by_lane = np.zeros((MAIN_LANES, 2))
 
     def tap(self, frames: Iterable[Frame]) -> Iterator[Frame]:
         """Yield frames on, and take samples from them."""
@@ -121,7 +114,7 @@ class Sampler:
         values = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in self._values.items()}
         sizes = np.array(list(self._sizes.values()), dtype=np.float64).reshape(-1, 2)
         values |= {"lane_change_duration": durations, "vehicle_length": sizes[:, 0], "vehicle_width": sizes[:, 1]}
-        return BehaviourSamples(values, len(durations), self._travelled_m / 1000.0, self._by_lane[np.newaxis])
+        return BehaviourSamples(values, len(durations), self._travelled_m / 1000.0)
 
     def _take(self, frame: Frame, sampled: bool) -> None:
         inside = (frame.lane != NO_LANE) & (frame.lon_m >= self._start_m) & (frame.lon_m < self._end_m)
@@ -130,10 +123,6 @@ class Sampler:
         for name in names:
             self._numbers.setdefault(name, len(self._numbers))
         self._travelled_m += self._step_s * float(frame.speed_mps[rows].sum())
-        main = rows[(frame.lane[rows] >= 1) & (frame.lane[rows] <= MAIN_LANES)]
-        lanes, speeds = frame.lane[main] - 1, frame.speed_mps[main]
-        self._by_lane[:, 0] += self._step_s * np.bincount(lanes, minlength=MAIN_LANES)
-        self._by_lane[:, 1] += self._step_s * np.bincount(lanes, weights=speeds, minlength=MAIN_LANES)
         vehicle = np.array([self._numbers[name] for name in names], dtype=np.float64)
         when = np.full(len(rows), frame.step, dtype=np.float64)
         self._paths.append((vehicle, when, frame.lane[rows].astype(np.float64), frame.lat_speed_mps[rows]))

@@ -36,8 +36,6 @@ class PeriodStatistics:
 
     Attributes:
         mean_speed_mps: Distance travelled by all vehicles over the time they spent.
-        density_veh_per_km_lane: Density over the number of main lanes.
-        quarter_speed_mps: Space-mean speed of each quarter of the road, upstream first.
         share_below_4mps: Share of the cells slower than 4 m/s.
         wave_mps: Speed at which changes of speed travel upstream; nan if none are seen.
     """
@@ -52,12 +50,7 @@ class PeriodStatistics:
 
 
 def period_statistics(pieces: Sequence[Fields], lanes: int = MAIN_LANES) -> PeriodStatistics:
-    """Return the figures of one period.
-
-    Args:
-        pieces: Fields of the period: one if it was recorded, one for each seed if it was simulated.
-        lanes: Number of main lanes.
-    """
+    """Return the figures of one period."""
     flow = np.concatenate([piece.flow_veh_per_s for piece in pieces], axis=1)
     density = np.concatenate([piece.density_veh_per_m for piece in pieces], axis=1)
     speed = np.concatenate([piece.speed_mps for piece in pieces], axis=1)

@@ -31,7 +31,6 @@ class SizeScore:
     """How well a mixture of one size does.
 
     Attributes:
-        components: Number of components.
         bic: Bayesian information criterion over the samples it was fitted to; smaller is better.
         log_likelihood: Mean joint log-likelihood per sample.
     """

@@ -68,7 +68,6 @@ class TrainingPlan:
 
     Attributes:
         case: One of ``CASES``.
-        first_seed: First seed of the training traffic.
         sweep: Whether other numbers of components are scored by BIC.
     """
 

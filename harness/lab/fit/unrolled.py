@@ -51,13 +51,10 @@ class Rollouts:
     """Followers to roll out behind recorded leaders: b of them, p particles each, side by side.
 
     Attributes:
-        speed_mps: Their speeds at the start, shape (b * p,).
-        accel_mps2: Their accelerations, shape (b * p,).
         led: Whether their leaders are known, shape (b * p,).
         leader_m: The leaders' rear ends ahead of the followers' fronts at the start, shape (steps, b * p).
         noise: Normal numbers, shape (steps, rows of noise, b * p).
         true_m: How far the followers really came, shape (steps, b).
-        true_speed_mps: Their true speeds, shape (steps, b).
     """
 
     speed_mps: Array
@@ -161,11 +158,7 @@ class _StepCache:
 
 
 def score_and_gradient(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[float, Weights]:
-    """Return the score of the particles and its gradient with respect to the weights.
-
-    Args:
-        weights: The network's weights by name, the lag as its logit.
-    """
+    """Return the score of the particles and its gradient with respect to the weights."""
     place, speed, tape = _roll(weights, scaling, rollouts)
     steps = SCORED_STEPS[len(place) > SCORED_STEPS]
     by_place, by_speed = np.zeros_like(place), np.zeros_like(speed)

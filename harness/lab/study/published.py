@@ -35,10 +35,7 @@ class StudyPlan:
     """The plan of a study.
 
     Attributes:
-        models: Names of the models; none for the study's own choice.
         model_file: The user's own fitted model in place of the committed ``gmm``.
-        seed: Seed of the choice of cases, the measurements and the particles.
-        first_traffic_seed: First seed of the recorded traffic.
         traffic_seeds: Number of seeds, each of which drives every density.
     """
 

@@ -56,11 +56,7 @@ def run_study(
     seed: int,
     progress: Callable[[], None],
 ) -> StudyResult:
-    """Follow every case with every model under every occlusion; all models get the same measurements.
-
-    Args:
-        models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
-    """
+    """Follow every case with every model under every occlusion; all models get the same measurements."""
     noise = MeasurementNoise()
     measurements = measure(cases, noise, np.random.default_rng([seed, 1]))
     shown = _most_eventful(cases)
@@ -89,12 +85,7 @@ def _rows(study: str, occlusion: str, model: str, scores: Scores, step_s: float)
 def score_row(
     scores: Scores, steps: int | slice, horizon_s: float | None, vehicle: IntArray | None = None
 ) -> dict[str, Any]:
-    """Return the numbers of one horizon, or of the mean over several steps.
-
-    Args:
-        steps: Which steps, counted from the first one after the start.
-        vehicle: Vehicle of each case where several are of one, shape (m,).
-    """
+    """Return the numbers of one horizon, or of the mean over several steps."""
     rng = np.random.default_rng(0)
 
     def by_case(values: FloatArray) -> FloatArray:

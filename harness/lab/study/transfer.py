@@ -66,10 +66,8 @@ class TransferPlan:
 
     Attributes:
         cases: Most simulated cases; of real windows all are taken.
-        first_traffic_seed: First seed of the simulated test traffic.
         traffic_seeds: Number of its seeds, each of which drives every density.
         training_seeds: The same of the simulated training traffic for the models trained on both.
-        most_windows: Most windows of either kind that those are trained on.
     """
 
     real_data: Path

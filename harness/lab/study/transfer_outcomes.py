@@ -39,7 +39,6 @@ class HeldOut:
 
     Attributes:
         vehicle: Vehicle of each case, shape (m,); cases of one vehicle are no independent samples.
-        horizons_s: What is reported from these cases.
     """
 
     tested_on: str

@@ -24,7 +24,6 @@ class LaneChanges:
 
     Attributes:
         state: States as in ``mmpf.motion.state``, shape (6, windows, steps).
-        length_m: Vehicle length, shape (windows,).
         lane_width_m: Mean width of original and target lane, shape (windows,).
     """
 

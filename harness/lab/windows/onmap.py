@@ -19,7 +19,6 @@ class OnMap:
     """Moments of vehicles on lanes, sorted by vehicle and step; arrays of shape (n,).
 
     Attributes:
-        driver: Number of the vehicle.
         following: The lane that it took next, ``NOWHERE`` if none is on record.
         to_end_m: What is left of it.
         leaves_at_mps: Its speed at its last moment on this lane.

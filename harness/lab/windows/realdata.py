@@ -14,11 +14,7 @@ SNIPPETS = ("commonroad/*.xml", "ngsim/*.csv")
 
 
 def real_data_folder(given: Path | None = None) -> Path:
-    """Return the folder of real recordings.
-
-    Raises:
-        InputError: Neither is given, or there is no such folder.
-    """
+    """Return the folder of real recordings, by default that of ``MMPF_REALDATA``; ``InputError`` if there is none."""
     folder = given or os.environ.get(VARIABLE)
     if not folder or not Path(folder).is_dir():
         wrong = f"no real recordings in {folder}" if folder else "no folder of real recordings is given"
@@ -35,7 +31,7 @@ def pairs_file(folder: Path) -> Path:
 
 
 def snippet_files(folder: Path) -> list[Path]:
-    """Return the files of recorded traffic, by name within each layout; an ``InputError`` where there is none."""
+    """Return the files of recorded traffic, by name within each layout; ``InputError`` if there is none."""
     found = [path for pattern in SNIPPETS for path in sorted(folder.glob(pattern))]
     if not found:
         raise InputError(

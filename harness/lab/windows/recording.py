@@ -33,10 +33,6 @@ class Recording:
     """All vehicles at all steps of one scenario, one row each, arrays of shape (rows,), sorted by step.
 
     Attributes:
-        vehicle: Number of the vehicle, the same in all its rows.
-        lane: Lane number; 0 off the road.
-        lon_m: Longitudinal position of the centre.
-        lat_m: Lateral position of the centre.
         accel_mps2: Longitudinal acceleration over the step that led to this frame.
     """
 

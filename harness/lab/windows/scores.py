@@ -73,11 +73,7 @@ def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> F
 def mean_with_interval(
     values: FloatArray, rng: np.random.Generator, vehicle: IntArray | None = None
 ) -> tuple[float, tuple[float, float]]:
-    """Return the mean over cases and its 95 % bootstrap interval.
-
-    Args:
-        vehicle: Vehicle of each case, shape (m,), where several cases are of one: whole vehicles are resampled then.
-    """
+    """Return the mean over cases and its 95 % bootstrap interval."""
     if vehicle is None:
         interval = independent_ci(values, rng, RESAMPLES)
     else:

@@ -60,9 +60,7 @@ class TrackerCheck:
     """One check of the suite.
 
     Attributes:
-        name: What must hold, as words joined by underscores.
         examine: The check itself, given a function that builds the tracker from a seed.
-        road: The road that the tracker is told of.
     """
 
     name: str
@@ -70,11 +68,7 @@ class TrackerCheck:
     road: Road = ROAD
 
     def __call__(self, make_tracker: TrackerFactory, options: Mapping[str, object] | None = None) -> None:
-        """Examine a tracker.
-
-        Raises:
-            TrackerCheckError: The check failed.
-        """
+        """Examine a tracker; raise ``TrackerCheckError`` if it fails."""
 
         def build(seed: int) -> AnyTracker:
             setting = TrackerSetting(road=self.road, sensor=SENSOR, rng=np.random.default_rng(seed), step_s=STEP_S)

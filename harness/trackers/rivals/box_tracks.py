@@ -56,12 +56,8 @@ class BoxTracks:
     """The boxes that are followed, n of them.
 
     Attributes:
-        lives: What is counted of each.
-        states: Middles and velocities.
         size_m: Mean lengths and widths, shape (n, 2).
-        size_variance_m2: Their variances, shape (n, 2).
         heading_rad: Mean directions, shape (n,).
-        heading_variance: Their variances, shape (n,).
     """
 
     lives: Lives
@@ -120,11 +116,7 @@ def predicted(tracks: BoxTracks, interval_s: float, options: BoxOptions, in_plan
 
 
 def overlaps(tracks: BoxTracks, middle_m: FloatArray, detections: Detections, options: BoxOptions) -> FloatArray:
-    """Return the generalised overlap of each box with each detection's, -1 to 1, shape (n, d); -1 of boxes far apart.
-
-    Args:
-        middle_m: Where their middles are taken to be, shape (n, 2).
-    """
+    """Return the generalised overlap of each box with each detection's, -1 to 1, shape (n, d); -1 if far apart."""
     away_m = np.hypot(detections.lon_m - middle_m[:, 0, None], detections.lat_m - middle_m[:, 1, None])
     track, detection = np.nonzero(away_m <= _COMPARED_WITHIN_M)
     size_m, heading = tracks.size_m[track], tracks.heading_rad[track]

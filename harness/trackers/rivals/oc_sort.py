@@ -109,8 +109,6 @@ class OcTracks:
     """The boxes that are followed, n of them, and what was seen of them.
 
     Attributes:
-        boxes: The boxes now.
-        observed: Their observations.
         when_seen: What was believed of each after its last observation.
     """
 
@@ -130,11 +128,7 @@ class OcSort:
         self._tracks = OcTracks(nobody, Observations.first(0.0, nobody.middle_m), nobody.states)
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks.
-
-        Raises:
-            InvalidScanError: See ``mmpf.scan.check_scan``.
-        """
+        """Take in one scan and return the tracks."""
         check_scan(scan, self._times_s[-1] if self._times_s else None)
         options = self._options
         detections = scaled(in_order(scan.detections), options.noise_factor)

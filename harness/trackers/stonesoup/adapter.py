@@ -53,11 +53,7 @@ class StoneSoupTracker:
         self._time_s: float | None = None
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the confirmed tracks.
-
-        Raises:
-            InvalidScanError: See ``mmpf.scan.check_scan``.
-        """
+        """Take in one scan and return the confirmed tracks."""
         check_scan(scan, self._time_s)
         self._time_s = scan.time_s
         self._follow_ego(scan)

@@ -50,7 +50,6 @@ class Stitched:
     """Tracks under their stitched identities.
 
     Attributes:
-        tracks: The tracks, without those that another one replaced.
         replaced: The tracker's own identities of the tracks that were replaced; it should drop them.
     """
 

@@ -49,10 +49,8 @@ class Demand:
     """Traffic to be held on a section.
 
     Attributes:
-        density_veh_per_km_lane: Vehicles per kilometre and main lane, space-mean over the section.
         wave_amplitude: How far density swings about its mean along the road at first, as a share of the mean.
         exit_wave_amplitude: How far the flow that leaves swings about its mean from then on, as a share of the mean.
-        wave_period_s: Time between two waves at a fixed place.
         schedule: Times from the first frame on, ascending from 0, the densities to be held from then on, and how strong
             the exit's waves are then, as a share of their amplitude; none where all stays the same.
         headway_profile: Positions along the road and what drivers' time headways are multiplied by there, linear in

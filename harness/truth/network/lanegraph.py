@@ -45,7 +45,6 @@ class PlaneNetwork:
     """A network's lanes, and where their plane lies in SUMO's.
 
     Attributes:
-        graph: The lanes.
         origin_xy: SUMO's coordinates of the plane's origin, whole kilometres, so that places stay small numbers.
         in_roundabout: Which lanes are of a roundabout's ring or cross one of its junctions, shape (lanes,); None if the
             network tells of no roundabout.

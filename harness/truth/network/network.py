@@ -37,13 +37,7 @@ LATERAL_RESOLUTION_M = "0.92"
 
 @dataclass(frozen=True)
 class NetworkDescription:
-    """One line about a network, for ``nets``.
-
-    Attributes:
-        section_length_m: Length of the section that is scored; of a network in the plane, of all its lanes.
-        lanes: Number of main lanes; 0 in the plane.
-        size_kb: Size of the network file.
-    """
+    """One line about a network, for ``nets``; in the plane the length is that of all lanes, and ``lanes`` is 0."""
 
     name: str
     description: str
@@ -59,15 +53,9 @@ class Network:
 
     Attributes:
         corridor: The main road's edges and the road frame along them; none where the road frame is the plane.
-        section_m: Start and end of the scored section; in the plane, the lanes' reach along x.
         ego_lanes: Lanes that an ego is chosen from; none in the plane, where any will do.
         plane: The lanes of a network whose road frame is the plane; none of one with a main road.
-        vehicle_types_file: SUMO's file of base vehicle types; none where the user's own demand is used.
         default_demand: The demand that is driven where the user asks for none; none where that is a density.
-        calibrated: The demands that come from a calibration.
-        calibration_file: Where the outcome of a calibration is kept, if it is.
-        measured_file: What was measured at the site, if anything.
-        configuration: The user's own SUMO configuration; none for networks with a ``network.toml``.
         sumo_inputs: What of that configuration is driven, or what a network in the plane brings; none of one with a
             main road.
     """
@@ -166,11 +154,7 @@ class Network:
         return replace(self, demand_files={**self.demand_files, name: demand})
 
     def demand_for_density(self, density_veh_per_km_lane: float) -> Demand:
-        """Return the demand that ``density`` asks for on this network.
-
-        Raises:
-            InputError: The density is not a number or out of range.
-        """
+        """Return the demand that ``density`` asks for on this network."""
         return self.layout.demand(density_veh_per_km_lane, self.relation)
 
 

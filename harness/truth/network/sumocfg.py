@@ -45,13 +45,7 @@ LIMITS_OF_BEHAVIOUR = {
 
 @dataclass(frozen=True)
 class SumoInputs:
-    """What is taken from a configuration.
-
-    Attributes:
-        additional_files: Files of types, signals and the like.
-        options: Names and values of the options that are handed on.
-        left_out: Names of those that are not.
-    """
+    """What is taken from a configuration."""
 
     net_file: Path
     route_files: tuple[Path, ...]

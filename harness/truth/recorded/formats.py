@@ -50,15 +50,12 @@ class RecordingFormat:
     """A format of recorded traffic.
 
     Attributes:
-        brings_road: Whether the file itself says where the lanes are.
-        recognises: Whether the first characters of a file are of this format.
         sensor: Profile that tells what is known of the detector whose boxes a recording brings; its reader returns
             drives (``harness.truth.recorded.detected``). None of one that brings no detections.
         least_score: Detections of a lower score are left out unless the user says otherwise.
         scores: What the detector's scores mean, see ``GivenDetections``.
         brings_map: Whether a recording that brings detections may have a map beside it; its reader then takes whether
             to read it as well.
-        usual_ego: Which vehicles carry the sensor unless the user says otherwise.
     """
 
     name: str

@@ -37,10 +37,6 @@ class Lanelet:
     Attributes:
         left_xy: Left line in driving direction, shape (k, 2).
         right_xy: Right line, shape (m, 2).
-        successors: Lanelets that it leads to.
-        left: The lanelet to the left that leads the same way, if there is one.
-        kinds: What it is for, as the file calls it.
-        gives_way: Whether a sign at it says to give way or to stop.
         signals: Traffic lights at its end.
         in_junction: Whether it leads across a junction, if the file says so.
     """

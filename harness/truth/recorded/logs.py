@@ -53,11 +53,9 @@ class LogFile:
     """A file or folder with a log.
 
     Attributes:
-        path: Where it is; of an MCAP file ``FILE.mcap:/topic`` names the topic.
         role: ``TRUTH``, ``DETECTIONS`` or ``TRACKS``.
         format: One of ``FORMATS``; None recognises it.
         step_s: Time between frames that are only counted.
-        ego: File of the sensor's poses; None where there is none.
     """
 
     path: Path

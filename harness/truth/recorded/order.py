@@ -34,12 +34,9 @@ class Stays:
 
     Attributes:
         rows: The rows, sorted by stay and time; their ``vehicle`` is the stay.
-        starts: First row of each stay, shape (s,).
-        vehicle: Vehicle of each stay, an index into the file's names, shape (s,).
         names: Unique name of each stay, shape (s,): the vehicle's, from its second stay on with a number.
         interval_s: Usual time between two rows of a vehicle.
         contradictions: How many of them gave another position.
-        jumps: Stays that begin where a vehicle jumps, shape (j,).
     """
 
     rows: Rows

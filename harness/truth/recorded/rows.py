@@ -46,9 +46,7 @@ class ReadTraffic:
     """A file's content.
 
     Attributes:
-        names: Name of each vehicle, shape (v,), unique.
         vehicles_read: How many vehicles the file has, those that were left out among them.
-        left_out: How many vehicles were left out, by reason.
     """
 
     road: Road

@@ -47,12 +47,10 @@ class RecordedTraffic:
     """All vehicles at every step; rows sorted by step, then by stay.
 
     Attributes:
-        road: The road; its section is the window.
         window_m: Stretch of the road that is on record.
         step_starts: First row of each step and the row after the last, shape (steps + 1,).
         stay: Stay of each row, an index into ``names``, shape (n,).
         columns: The columns of ``Frame`` that are floats, each of shape (n,), and ``accel_mps2``.
-        notes: What else the user should know, a line each.
     """
 
     road: Road

@@ -65,7 +65,6 @@ def placed(
     Args:
         lane: Main lane, counted from the right, from 0.
         wished_m: Longitudinal position of its front bumper; it is moved as far as the edge's ends ask for.
-        from_edge_end_m: How far from an end of the edge its front is at least.
     """
     edges = network.main_road.edges
     index = max(k for k, edge in enumerate(edges) if wished_m >= edge.start_m)

@@ -18,11 +18,7 @@ REACHED = 0.95
 
 
 class Inflow:
-    """Steers SUMO's scale.
-
-    Attributes:
-        reached: Whether the density was reached once.
-    """
+    """Steers SUMO's scale until the density is reached, and from then on."""
 
     def __init__(self, sumo: Sumo, density_veh_per_km_lane: float, lanes_m: float) -> None:
         """Hold a density, vehicles per kilometre and lane, on lanes of a length in all, metres."""

@@ -66,9 +66,7 @@ class Snapshot:
     """All vehicles of a network and persons on foot at one instant, struct of arrays over n of them.
 
     Attributes:
-        row: Place of each vehicle in the arrays, by its name.
         front_x: Where the middle of its front bumper is, metres, shape (n,).
-        front_y: The same.
         heading_rad: Its heading, counter-clockwise from x, shape (n,).
         lanes: Lanes of the graph that its front was on, the present one first, ``NOWHERE`` for those of no graph.
         signals: State of each signal of the graph; see ``Frame.signals``.

@@ -15,8 +15,6 @@ class Vehicle:
 
     Attributes:
         kind: ``car``, ``truck`` or ``motorcycle``: the base type's name.
-        headway_s: Time headway kept beyond it.
-        speed_factor: Desired speed over the speed limit.
         lateral_offset_m: Where in its lane the driver likes to be, from the middle, positive to the left.
         assertiveness: SUMO's ``lcAssertive``; None for what the vehicle's type says.
     """

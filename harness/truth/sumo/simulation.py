@@ -52,13 +52,9 @@ def open_traffic(
         demand: Name of one of the network's demands, or a density to be held, vehicles per km and main lane, in the
             plane per km and lane of the whole network. If not given, the network's default demand is taken, and a
             density of 30 where it names none.
-        seed: Seed of drivers, arrivals and SUMO's own randomness.
-        ego: Whether an ego vehicle is chosen; without one a frame's ``ego`` is -1.
-        gui: Whether the traffic is shown in a window of sumo-gui; it is the same traffic.
         reach_m: How far from the ego vehicles count and hide, on a network without a main road.
         broken_down: How many vehicles stand broken down in main lanes of the section, from before the first frame on.
         flow_mps: Speed limit of the main road and at most of its ramps, in place of the network's; None for that.
-        on_step: Called after each step by a process that is made for a network from elsewhere; None makes one.
 
     Raises:
         InputError: The density, the demand or the network's files are wrong, no window can be opened, or the network
@@ -194,12 +190,7 @@ class RoadTraffic(Protocol):
         ...
 
     def wait(self) -> None:
-        """Go on until there can be an ego.
-
-        Raises:
-            InputError: No vehicle ever appears, and the user's files are to blame.
-            RunError: None appears.
-        """
+        """Go on until there can be an ego; an error where none ever appears."""
         ...
 
     def read(self) -> object:

@@ -30,11 +30,6 @@ def crossing():
     return LaneGraphRoad(section_m=plane.extent_m, graph=plane.graph, walls_xy=np.array([[0.0, 0.1, 2.0, 3.5]]))
 
 
-def test_without_a_word_of_it_the_map_is_the_road(crossing):
-    assert told(highway()) == highway()
-    assert told(crossing).graph is crossing.graph
-
-
 @pytest.mark.parametrize("kind", ["main road", "crossing"])
 def test_without_a_map_there_is_no_lane_anywhere_and_no_wall(kind, crossing):
     blind = told(highway() if kind == "main road" else crossing, "map=none")

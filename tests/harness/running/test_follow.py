@@ -82,22 +82,6 @@ def test_a_tracker_that_is_told_the_origins_gets_the_true_names():
     assert len(Told.names) > 3
 
 
-def test_recorded_tables_have_the_agreed_columns():
-    tables = drive(SteadyTraffic(steps=2))
-    assert {
-        "step", "time_s", "vehicle_id", "lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2",
-        "lane", "length_m", "width_m", "is_ego", "in_range", "visible_fraction", "state",
-    } <= set(tables.truth)  # fmt: skip
-    assert {
-        "step", "time_s", "detection", "lon_m", "lat_m", "speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps",
-        "visible_fraction", "truth_id",
-    } <= set(tables.detections)  # fmt: skip
-    assert {
-        "step", "time_s", "track_id", "lon_m", "lat_m", "speed_mps", "lat_speed_mps", "accel_mps2", "std_lon_m",
-        "std_lat_m", "std_speed_mps", "existence", "state",
-    } <= set(tables.tracks)  # fmt: skip
-
-
 SIZE_COLUMNS = ["length_m", "width_m", "std_length_m", "std_width_m"]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import signal
 from collections.abc import Iterator, Sequence
@@ -115,22 +114,6 @@ def test_a_table_of_one_stretch_has_the_bytes_of_a_table_that_is_written_at_once
     tables.append(0, {"grown.parquet": table})
     tables.close()
     assert (tmp_path / "grown.parquet").read_bytes() == (tmp_path / "at_once.parquet").read_bytes()
-
-
-def test_a_full_disk_keeps_the_stretches_that_there_was_room_for(tmp_path, short_stretches, monkeypatch):
-    def write(table: pd.DataFrame, path: Path) -> None:
-        if runfolder.TRACKS in path.name and table["step"].max() >= 2 * EGO_STAY:
-            raise OSError(errno.ENOSPC, "No space left on device", str(path))
-        write_table(table, path)
-
-    monkeypatch.setattr("harness.storage.growing.write_table", write)
-    with pytest.raises(RunError, match="No space left on device; the finished steps"):
-        run_on(tmp_path / "run")
-    folder = tmp_path / "run.incomplete"
-    assert json.loads((folder / runfolder.MANIFEST).read_text())["steps"] == 2 * EGO_STAY
-    for name in TABLES[:3]:
-        assert sorted(pd.read_parquet(folder / name)["step"].unique()) == list(range(2 * EGO_STAY)), name
-    assert not list(folder.glob("*.part"))
 
 
 WRITES = 46

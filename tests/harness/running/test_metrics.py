@@ -7,8 +7,6 @@ import pandas as pd
 import pytest
 
 from harness.common.numbers import as_json, without_nan
-from harness.config.model import RunConfig
-from harness.running.evaluate import Evaluated
 from harness.running.follow import StageTimes
 from harness.running.metrics import TrafficSums, timing_table
 from mmpf.map.corridor_road import highway
@@ -62,18 +60,6 @@ def test_real_time_factor_is_simulated_time_over_time_spent():
     assert table["realtime_factor"] == pytest.approx(2.0)
     assert table["tracker_ms"]["p99"] == pytest.approx(20.0)
     assert (table["steps"], table["total_s"]) == (10, 3.0)
-
-
-def test_agreed_keys_are_there_even_without_scores():
-    evaluated = Evaluated(highway(5), {}, {}, of_traffic(row_of_cars(64, 10.0)).table(), StageTimes(), 0.1)
-    metrics = evaluated.metrics(RunConfig(), {}, 1.0)
-    agreed = {"run", "mae", "mot", "mot_all", "gospa", "occlusion", "calibration", "timing", "traffic"}
-    assert agreed <= set(metrics)
-    for group in ("all", "visible", "partial", "hidden"):
-        assert {"lon_m", "lat_m", "speed_mps", "lat_speed_mps", "n"} <= set(metrics["mae"][group])
-        assert set(metrics["mae"][group].values()) == {None}
-    assert metrics["timing"]["realtime_factor"] is None
-    assert metrics["traffic"]["vehicles_in_range"] == pytest.approx(9.0)
 
 
 def test_json_has_no_nan_and_no_numpy():

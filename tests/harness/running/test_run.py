@@ -108,13 +108,6 @@ def test_a_replay_refuses_other_traffic_or_another_sensor(steady_traffic, tmp_pa
         resolve_run_config(options={"replay": str(first), **option})
 
 
-def test_a_replays_own_configuration_runs_again(steady_traffic, tmp_path):
-    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
-    again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
-    third = run(resolve_run_config(again / "config.toml", options={"tracker": ECHO}), out=tmp_path / "third").folder
-    assert (third / "tracks.parquet").read_bytes() == (first / "tracks.parquet").read_bytes()
-
-
 @pytest.mark.parametrize("name", [runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD, runfolder.CONFIG])
 def test_a_replay_of_a_damaged_folder_is_refused(steady_traffic, tmp_path, name):
     first = run_on(steady_traffic, configured(), tmp_path / "first").folder
@@ -254,16 +247,6 @@ def sumo_runs(tmp_path_factory) -> dict[str, Path]:
             draw=DRAWING if name == "one" else None,
         ).folder
         for name, extra in settings.items()
-    }
-
-
-@pytest.mark.slow
-def test_a_run_is_shown_in_figures(sumo_runs):
-    assert {path.name for path in (sumo_runs["one"] / "figures").iterdir()} == {
-        "scene.png",
-        "error_over_time.png",
-        "error_by_visibility.png",
-        "diagnostics.png",
     }
 
 

@@ -92,13 +92,6 @@ def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.M
         build_tracker("stonesoup-gnn", setting(), {})
 
 
-def test_a_wrong_option_is_named():
-    with pytest.raises(InputError, match=r"tracker option 'lon_nois' of oracle-kalman"):
-        build_tracker("oracle-kalman", setting(), {"lon_nois": 1.0})
-    with pytest.raises(InputError, match=r"tracker option 'lon_noise' of oracle-kalman.*greater than 0"):
-        build_tracker("oracle-kalman", setting(), {"lon_noise": -1.0})
-
-
 def test_an_option_that_does_not_exist_is_answered_with_those_of_like_name():
     with pytest.raises(InputError, match=r"'joint.gate_std' of mmpf.*did you mean joint\.association\.gate_std"):
         build_tracker("mmpf", setting(), {"joint": {"gate_std": 4.0}})

@@ -122,16 +122,6 @@ def test_in_the_plane_the_path_leads_along_the_heading():
     assert states_of_first(script, in_plane=True) == [TENTATIVE]
 
 
-def test_a_path_of_no_width_guards_nobody():
-    options = OPTIONS.model_copy(update={"path_half_width_m": 0.0})
-    assert states_of_first([tracks_at([(40.0, 0.0, 0.0), *OTHERS])], options) == [TENTATIVE]
-
-
-def test_no_tracks_are_no_trouble():
-    tracker = DoubtingTracker(Scripted([Tracks.none()] * 2), OPTIONS)
-    assert [len(tracker.step(Scan(0.1 * k, NOBODY, EGO))) for k in range(2)] == [0, 0]
-
-
 def test_off_the_tracker_is_left_as_it_is():
     tracker, setting = Scripted([]), TrackerSetting(CorridorRoad(lanes=()), SensorModel(), np.random.default_rng(0))
     assert as_reported(tracker, setting, DoubtfulOptions()) is tracker

@@ -189,11 +189,6 @@ def test_the_example_in_cpp_reports_the_tracks_of_the_one_in_python(tmp_path):
                 np.testing.assert_allclose(values, getattr(theirs, column), rtol=1e-12)
 
 
-@pytest.mark.parametrize("example", ["exec_tracker.py", "exec_tracker.cpp"])
-def test_an_example_fits_on_a_screen(example):
-    assert len((EXAMPLES / example).read_text().splitlines()) <= 60
-
-
 def test_a_program_reads_the_numbers_that_a_tracker_gets():
     scan = busy_scene()[10].scan
     first, ego, *rows, free, signals = scan_text(scan, 11).splitlines()

@@ -40,9 +40,6 @@ class Singles:
     """Single hypotheses of all tracks, h of them.
 
     Attributes:
-        lives: Each one's track, its last detection and how many it has had.
-        states: Where it is if it exists.
-        existence: Probability that it exists, shape (h,).
         size_m: Mean of its measured lengths and widths, shape (h, 2).
         recent: Its detections of the last scans, the newest last, as the identities of the tracks that they might have
             begun; ``NOBODY`` where it was missed; shape (h, k).
@@ -94,8 +91,6 @@ class Pruning:
     """What is left out.
 
     Attributes:
-        gate_std: Detections farther than this from a hypothesis are not its.
-        limits: Of global hypotheses.
         least_existence: Single hypotheses that exist with less than this probability are dropped.
         alike_scans: Global hypotheses by which, whatever the tracks' identities, the same vehicles had the same
             detections for so many scans are one, with the identities of the best of them; 0 keeps them apart. After so

@@ -53,12 +53,7 @@ class SequenceFiles:
 
 @dataclass(frozen=True)
 class CameraWay:
-    """Poses of the camera: points of its frame (x right, y down, z ahead) to those of the first frame.
-
-    Attributes:
-        rotation: Shape (steps, 3, 3).
-        shift: Shape (steps, 3).
-    """
+    """Poses of the camera: points of its frame (x right, y down, z ahead) to those of the first, by step."""
 
     rotation: FloatArray
     shift: FloatArray
@@ -148,8 +143,6 @@ class LabelRows:
     """Rows of a label file, apart from those of no thing; arrays of shape (n,).
 
     Attributes:
-        thing: Index into the names.
-        names: The things' numbers in words, shape (v,).
         covered: Whether each is partly covered or cut off by the picture.
         box: Height, width, length, x, y, z of the bottom's middle and turn about y, shape (n, 7).
     """

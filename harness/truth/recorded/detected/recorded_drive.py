@@ -46,7 +46,6 @@ class Labels(RecordedBoxes):
     """Human-labelled boxes, also of hidden objects; shape (n,).
 
     Attributes:
-        thing: Index into the names of what was labelled.
         counts: Whether it is a vehicle that trackers are judged on; others only hide.
         covered: Whether whoever labelled it says that it is partly or largely covered, or cut off by the picture.
     """
@@ -80,12 +79,7 @@ class Drive:
     """A drive in the plane, ten steps a second.
 
     Attributes:
-        names: What each labelled thing is called, unique, shape (v,).
-        labels: The labels, sorted by step.
-        given: The detections, sorted by step.
-        left_out: How many labelled things and detections were left out, by reason.
         drawn: Whether the detections are labels of what was seen, whose errors are to be drawn.
-        lanes: The lanes in the plane; None where there is no map.
     """
 
     name: str

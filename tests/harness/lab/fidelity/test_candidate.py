@@ -149,13 +149,6 @@ def test_missing_lane_changes_ask_for_assertive_drivers_and_mild_accelerations_f
     assert strong.assertiveness == pytest.approx(candidate.drivers.assertiveness)
 
 
-def test_a_run_without_samples_moves_no_driver(candidate):
-    nothing = VehicleStatistics(math.nan, math.nan)
-    drivers = with_bolder_drivers(candidate, nothing, MEASURED, 1.0).drivers
-    assert drivers == candidate.drivers.model_copy(update={"assertiveness": drivers.assertiveness})
-    assert drivers.assertiveness == pytest.approx(candidate.drivers.assertiveness)
-
-
 def test_lane_changes_and_accelerations_count_in_the_misfit(site):
     measured = site.model_copy(update={"vehicles": MeasuredVehicles(source="made up", figures=MEASURED)})
     assert misfit(as_measured(site), measured, MEASURED) == 0.0

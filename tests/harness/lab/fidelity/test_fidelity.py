@@ -140,13 +140,6 @@ def test_a_network_without_measurements_says_so(tmp_path, capsys):
     assert "calibration_file" in capsys.readouterr().err
 
 
-def test_fields_that_end_too_early_are_refused(recorded_fields, tmp_path, capsys):
-    for file in FIELD_FILES.values():
-        np.savetxt(recorded_fields / file, np.loadtxt(recorded_fields / file)[:, :100])
-    assert run_command_line(["fidelity", "--fields", str(recorded_fields), "--out", str(tmp_path / "out")]) == 2
-    assert "2700 s" in capsys.readouterr().err
-
-
 @pytest.fixture
 def own_network(tmp_path):
     """Copy the network to a folder of the user's own, which a calibration may write to."""

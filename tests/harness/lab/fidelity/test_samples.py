@@ -82,13 +82,6 @@ def test_no_frames_give_no_samples():
     assert all(len(values) == 0 for values in taken.values.values())
 
 
-def test_time_and_distance_are_counted_by_main_lane():
-    rows = [("a", 100.0, 10.0, 1, 0.0), ("b", 130.0, 12.0, 5, 0.0), ("c", 110.0, 9.0, 6, 0.0)]
-    by_lane = samples_of([frame(0, rows), frame(1, rows)]).by_lane
-    assert by_lane[0, :, 0] == pytest.approx([0.2, 0.0, 0.0, 0.0, 0.2])
-    assert by_lane[0, :, 1] == pytest.approx([2.0, 0.0, 0.0, 0.0, 2.4])
-
-
 def test_the_spread_of_accelerations_does_not_depend_on_their_mean():
     values = {name: np.zeros(0) for name in UNITS} | {"acceleration": np.array([1.0, 1.0, 3.0, 3.0])}
     assert BehaviourSamples(values, 4, 5.0).statistics() == VehicleStatistics(0.8, 1.0)

@@ -56,12 +56,6 @@ def test_no_pair_is_both_trained_and_tested_on_and_none_is_lost(windows):
     assert abs(len(set(training.vehicle)) - len(set(held_out.vehicle))) <= 1
 
 
-def test_the_split_is_fixed_by_its_seed(windows):
-    splits = [tuple(np.unique(split_pairs(windows, seed)[0].vehicle)) for seed in (0, 0, 1, 2, 3)]
-    assert splits[0] == splits[1]
-    assert len(set(splits)) > 1
-
-
 def test_too_few_pairs_are_refused(windows):
     with pytest.raises(InputError, match="at least 4"):
         split_pairs(windows.take(np.flatnonzero(windows.vehicle < 3)), 0)
@@ -136,20 +130,6 @@ def test_without_real_recordings_the_study_ends_with_two_and_one_line(folder, ca
     message = capsys.readouterr().err.strip()
     assert "--real-data" in message
     assert len(message.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "option"),
-    [(["lane-keeping", "--real-data", "."], "--real-data"), (["transfer", "--models", "gmm"], "--models")],
-)
-def test_options_of_the_other_studies_are_refused(arguments, option, capsys):
-    assert run_command_line(["study", *arguments]) == 2
-    assert option in capsys.readouterr().err
-
-
-def test_a_folder_without_pairs_is_refused(tmp_path, capsys):
-    assert run_command_line(["study", "transfer", "--real-data", str(tmp_path)]) == 2
-    assert "car_following_pairs.parquet" in capsys.readouterr().err
 
 
 @pytest.fixture

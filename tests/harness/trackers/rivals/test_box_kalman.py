@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.common.errors import InputError
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR, ego_at
 from harness.trackers.protocol import TrackerSetting
@@ -80,8 +79,3 @@ def test_confirmed_tracks_choose_before_newcomers():
     assert len(old) == 1
     assert np.ptp(tracks.lon_m) > 0.5 or tracks.track_id[near] == old[0]
     assert tracker._tracks.lives.last_seen_s[tracker._tracks.lives.track_id == old[0]] == pytest.approx(0.6)
-
-
-def test_an_unknown_option_is_refused():
-    with pytest.raises(InputError, match="least_overlaps"):
-        tracker_of(least_overlaps=0.1)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.common.errors import InputError
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR, ego_at
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED
@@ -151,11 +150,6 @@ def test_tracks_are_confirmed_and_end_as_their_options_say():
     assert shown(tracker, times[:5], [(220.0, 5.0)] * 5).state.tolist() == [CONFIRMED]
     alive = [len(shown(tracker, [time_s], [None])) for time_s in times[5:]]
     assert alive == [1] * 10 + [0] * 3
-
-
-def test_an_unknown_option_is_refused():
-    with pytest.raises(InputError, match="momentum_weights"):
-        tracker_of(momentum_weights=0.1)
 
 
 def test_a_detection_of_low_score_continues_a_track_but_starts_none():

@@ -26,10 +26,6 @@ def test_congested_speed_is_the_one_at_which_the_gaps_leave_room_for_the_flow(sp
     assert relation.congested_speed_mps(speed / spacing) == pytest.approx(speed)
 
 
-def test_more_flow_than_capacity_runs_at_free_speed():
-    assert Equilibrium().congested_speed_mps(10.0) == Equilibrium().free_speed_mps
-
-
 @pytest.mark.parametrize("density", [0.0, -1.0, 4.99, 65.01, 500.0, math.nan, math.inf])
 def test_a_density_out_of_range_is_refused_by_name(density):
     with pytest.raises(InputError, match="`density`"):

@@ -102,10 +102,6 @@ def test_a_network_of_rails_alone_is_one_clear_line(tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_long_lanes_have_a_point_every_hundred_metres(graph):
-    assert graph.segments.length_m.max() <= 100.0
-
-
 def link(graph, lane, to):
     """Return the number of the link from one lane to another."""
     k = graph.name.index(lane)

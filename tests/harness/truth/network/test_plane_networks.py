@@ -69,10 +69,3 @@ def test_the_ring_of_the_roundabout_and_its_junctions_are_known_and_its_arms_are
     # The ring has a radius of 26 m to its middle.
     assert plane.in_roundabout[away < 31.0].all()
     assert not plane.in_roundabout[away > 45.0].any()
-
-
-@pytest.mark.parametrize("name", [name for name in NAMES if name != "roundabout"])
-def test_a_network_without_a_roundabout_knows_of_none(name):
-    plane = load_network(name).plane
-    assert plane is not None
-    assert plane.in_roundabout is None

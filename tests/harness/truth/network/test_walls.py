@@ -23,11 +23,6 @@ def test_a_building_has_as_many_walls_as_sides(tmp_path: Path) -> None:
     assert walls.tolist() == [[0, 0, 10, 0], [10, 0, 10, 5], [10, 5, 0, 5], [0, 5, 0, 0]]
 
 
-def test_without_buildings_there_are_no_walls(tmp_path: Path) -> None:
-    assert read_walls([]) is None
-    assert read_walls([polygons(tmp_path, '<poly id="p" type="park" color="1,1,1" shape="0,0 9,0 9,9"/>')]) is None
-
-
 @pytest.mark.parametrize("shape", ["0,0 nan,1 2,2", "0,0 1,x"])
 def test_corners_that_are_no_places_are_refused_in_words(tmp_path: Path, shape: str) -> None:
     with pytest.raises(InputError, match="poly"):

@@ -18,7 +18,6 @@ from tests.harness.truth.recorded.layouts import (
     write_fcd,
     write_highd,
     write_ngsim_csv,
-    write_ngsim_text,
 )
 
 WIDTH, LENGTH, SPEED, LON, LAT = 9, 8, 11, 5, 4
@@ -154,16 +153,6 @@ def test_lane_markings_are_in_order_and_lanes_as_wide_as_lanes(markings, tmp_pat
     meta.write_text(meta.read_text().replace("20.00;23.75;27.50;31.25", markings))
     with pytest.raises(InputError, match=r"lowerLaneMarkings is '"):
         open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
-
-
-def test_good_files_of_all_formats_pass_the_limits(tmp_path):
-    write_commonroad(tmp_path / "a", extra=standing("0"))
-    write_fcd(tmp_path / "b")
-    write_ngsim_csv(tmp_path / "c")
-    write_ngsim_text(tmp_path / "d")
-    formats = (("a", "commonroad", "recording"), ("b", "fcd", "us101"), ("c", "ngsim", "us101"))
-    for name, form, net in (*formats, ("d", "ngsim-text", "us101")):
-        assert open_recorded_traffic(tmp_path / name, form, net, "auto", 10.0).expected_steps
 
 
 @pytest.mark.parametrize("option", ["--replay", "--config", "--model-file"])

@@ -78,12 +78,6 @@ def test_the_sequence_that_comes_with_the_harness_runs_by_its_name(tmp_path, mon
     assert metrics["recording"]["seconds"] == 2.0
 
 
-def test_a_file_goes_before_an_example_of_its_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_pandaset(Path("pandaset"))
-    assert example(Path("pandaset")) == Path("pandaset")
-
-
 def test_the_sequence_that_comes_with_the_harness_names_its_licence():
     notice = example(Path("pandaset")).with_name("NOTICE").read_text()
     assert "CC BY 4.0" in notice
@@ -250,13 +244,6 @@ def test_a_pickle_calls_nothing_it_names(tmp_path):
     with pytest.raises(InputError, match=r"asks for posix\.mkdir"):
         read_traffic(path, "scenarionet", "recording")
     assert not made.exists()
-
-
-def test_a_pickle_that_is_cut_off_is_refused(tmp_path):
-    path = write_scenarionet(tmp_path / "scene.pkl", scene_of_scenarionet())
-    path.write_bytes(path.read_bytes()[:-1000])
-    with pytest.raises(InputError, match="no scene of ScenarioNet"):
-        read_traffic(path, "scenarionet", "recording")
 
 
 @pytest.mark.parametrize(

@@ -178,10 +178,3 @@ def test_broken_maps_are_named_in_one_line(tmp_path: Path, content: str, says: s
         read_av2(tmp_path, with_map=True)
     assert str(path) in str(error.value)
     assert "\n" not in str(error.value)
-
-
-def test_two_maps_of_one_log_are_refused(folder: Path) -> None:
-    path = next((folder / "log" / "map").iterdir())
-    path.with_name("log_map_archive_other.json").write_text("{}", encoding="utf-8")
-    with pytest.raises(InputError, match="has 2 files"):
-        read_av2(folder, with_map=True)
