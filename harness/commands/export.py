@@ -15,10 +15,21 @@ from harness.config.options import Option
 class Options(TypedDict):
     """The options of ``export``."""
 
-    folder: Annotated[Path, Option("Folder of a finished run.", default=..., metavar="RUN", is_argument=True)]
+    folder: Annotated[
+        Path,
+        Option(
+            "Folder of a finished run; for mlflow and trackio also of a grid.",
+            default=...,
+            metavar="RUN",
+            is_argument=True,
+        ),
+    ]
     to: Annotated[
         str | None,
-        Option("mot, kitti, fcd, csv, rerun, mcap, autoware, osi, scans or module:function.", metavar="FORMAT"),
+        Option(
+            "mot, kitti, fcd, csv, rerun, mcap, autoware, osi, scans, mlflow, trackio or module:function.",
+            metavar="FORMAT",
+        ),
     ]
     video: Annotated[Path | None, Option("Write a top-view video to this MP4 file.")]
     out: Annotated[
@@ -37,6 +48,7 @@ def command(options: Options) -> None:
     csv: every table. rerun: a recording for the rerun viewer. mcap: a
     recording for Foxglove. autoware: a ROS 2 bag of Autoware's messages.
     osi: ASAM OSI ground truth and sensor data. scans: what a tracker sees.
+    mlflow, trackio: metrics, settings and page for an experiment tracker.
     --video: a top-view video.
 
     Examples:

@@ -11,11 +11,11 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
-from harness.export.packing import check_replaceable_file, pack
+from harness.export.packing import check_replaceable_file, pack, pending_of
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
 from harness.storage.checks import sound_tables
@@ -23,11 +23,14 @@ from harness.storage.lock import lock_beside
 from harness.truth.recorded.fcd import types_file
 from mmpf.registry import Entry, Registry, UnknownNameError
 
-Exporter = Callable[[RecordedRun, Path], list[Path]]
+Exporter = Callable[[Any, Path], list[Path]]
+"""What it takes is a ``RecordedRun``, or of ``OF_FOLDERS`` the folder."""
 EXPORTS = "export"
 XML_FILES = (".xml", ".xml.gz")
 PACKED = ("csv", "fcd")
 """Formats whose files can be packed by gzip."""
+OF_FOLDERS = ("mlflow", "trackio")
+"""Formats of which an exporter takes the folder: a grid's too."""
 export_formats: Registry[Callable[..., object]] = Registry(
     "export format",
     "harness.export_formats",
@@ -45,6 +48,8 @@ export_formats: Registry[Callable[..., object]] = Registry(
         "mcap": Entry("harness.export.mcap_recording:export", "a recording in Foxglove's schemas", "mcap"),
         "osi": Entry("harness.export.osi:export", "ASAM OSI ground truth and sensor data, binary traces", "osi"),
         "scans": Entry("harness.export.scans:export", "what a tracker is shown, for one that runs elsewhere"),
+        "mlflow": Entry("harness.export.mlflow_store:export", "metrics, settings and page in MLflow", "mlflow"),
+        "trackio": Entry("harness.export.trackio_store:export", "metrics, settings and page in Trackio", "trackio"),
         "rerun": Entry("harness.export.rerun_recording:export", "a recording for the rerun viewer", "viewer"),
     },
     "there is no format {name!r}; choose from {in_order}, or module:function for your own",
@@ -62,7 +67,7 @@ def export_run(
     """Write a run in a format and return the files.
 
     Args:
-        folder: A finished run's folder.
+        folder: A finished run's folder; of ``OF_FOLDERS`` also a grid's.
         name: One of ``export_formats``, or the place of another package's.
         out: Folder to write; by default ``export/<format>`` in the run's folder, which may be replaced. Of ``fcd`` also
             a file, ``.xml`` or ``.xml.gz``.
@@ -86,21 +91,21 @@ def export_run(
             raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
         ownership.check_replaceable(target, ownership.EXPORT, "out")
     with sound_tables(folder, "folder"):
-        run = read_recorded_run(folder)
+        results = folder if name in OF_FOLDERS else read_recorded_run(folder)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         lock = lock_beside(target, "out")
     except OSError as error:
         raise InputError(f"`out`: can't write in {target.parent}: {error.strerror}; choose another folder") from None
     # Within the lock nobody else writes here; what a killed export left goes.
-    pending = target.with_name(f".{target.name}.exporting")
+    pending = pending_of(target)
     try:
         if ownership.kind_of(pending) == ownership.EXPORT:
             shutil.rmtree(pending)
         pending.mkdir(exist_ok=not pending.is_symlink() and pending.is_dir() and not any(pending.iterdir()))
         ownership.claim(pending, ownership.EXPORT)
         with sound_tables(folder, "folder"):
-            files = exporter(run, pending)
+            files = exporter(results, pending)
         files = pack(files) if packed else files
         ownership.record_all(pending, ownership.EXPORT)
         if target.exists():

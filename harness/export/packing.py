@@ -15,6 +15,16 @@ HEAD_BYTES = 1 << 16
 LEVEL = 6
 
 
+def pending_of(target: Path) -> Path:
+    """Return the folder in which an export is written before it is moved to its place."""
+    return target.with_name(f".{target.name}.exporting")
+
+
+def target_of(pending: Path) -> Path:
+    """Return the place to which an export's folder is moved once it is written."""
+    return pending.with_name(pending.name.removeprefix(".").removesuffix(".exporting"))
+
+
 def pack(files: Sequence[Path]) -> list[Path]:
     """Pack the files of text formats, each under its name with ``.gz``; the plain ones go."""
     return [_packed(file) if file.suffix in SUFFIXES else file for file in files]

@@ -1,0 +1,82 @@
+"""What experiment trackers are told of the runs in a run's or a grid's folder."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.common.files import write_text
+from harness.common.untrusted_files import read_text
+from harness.running.finished import read_metrics
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import GRID, RUNS
+from harness.storage.grid_rows import TEXT_COLUMNS, flattened
+from harness.storage.schema import DENSITY, SEED
+
+PAGE, REGISTER = "report.html", "logged.json"
+
+
+@dataclass(frozen=True)
+class LoggedRun:
+    """A run as an experiment tracker holds it.
+
+    Attributes:
+        name: What it is called.
+        metrics: Its finite numbers by their keys in ``metrics.json``.
+        tags: What tells it from others: network, density, tracker, seed and so on.
+        settings: What was set, by the setting's name.
+    """
+
+    name: str
+    metrics: Mapping[str, float]
+    tags: Mapping[str, str]
+    settings: Mapping[str, str]
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], about: Mapping[str, Any], settings: Mapping[str, Any]) -> LoggedRun:
+        """Return the run of numbers and texts, of which missing ones are left out."""
+        numbers = {
+            key: float(value)
+            for key, value in values.items()
+            if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        }
+        tags = {key: f"{value:g}" if isinstance(value, float) else str(value) for key, value in about.items()}
+        tags = {key: value for key, value in tags.items() if value not in ("None", "nan", "")}
+        name = "-".join(tags[key] for key in ("net", "variant", "tracker", "model", DENSITY) if key in tags)
+        return cls(f"{name}-s{tags.get(SEED, '')}", numbers, tags, {key: str(value) for key, value in settings.items()})
+
+
+def logged_runs(folder: Path) -> list[LoggedRun]:
+    """Return the runs of a folder: of a grid each row, with its error as a tag if it failed; else the run itself.
+
+    Raises:
+        InputError: It is neither a grid's folder nor that of a finished run.
+    """
+    if not (folder / RUNS).is_file():
+        runfolder.read_manifest(folder, "folder")
+        flat = flattened(read_metrics(folder, "folder"))
+        about = {key.removeprefix("run."): flat.pop(key) for key in list(flat) if key.startswith("run.")}
+        return [LoggedRun.of(flat, about, flattened(runfolder.read_config_table(folder, "folder")))]
+    asked = flattened(json.loads(read_text(folder / GRID, "folder"))) if (folder / GRID).is_file() else {}
+    asked = {key: value for key, value in asked.items() if value is not None}
+    rows = runfolder.read_table(folder, RUNS, "folder", (SEED, "succeeded")).to_dict("records")
+    axes = {word.partition("=")[0] for key, word in asked.items() if key.startswith("vary.")}
+    told = TEXT_COLUMNS | {DENSITY, SEED, "succeeded"} | axes
+    return [
+        LoggedRun.of(
+            {str(key): value for key, value in row.items() if key not in told},
+            {str(key): value for key, value in row.items() if key in told},
+            asked,
+        )
+        for row in rows
+    ]
+
+
+def register(folder: Path, store: str, runs: Mapping[str, str]) -> Path:
+    """Write down in which store the runs are, and under which ids, and return the file."""
+    write_text(folder / REGISTER, json.dumps({"store": store, "runs": runs}, indent=2))
+    return folder / REGISTER
