@@ -32,15 +32,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Arms:
-    """The values of one metric in both arms.
-
-    Attributes:
-        label: What is compared: tracker and model.
-        quantity: What the values are of.
-        a: Values of the first arm, shape (n,).
-        b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
-        layout: What they belong to.
-    """
+    """The values of one metric in both arms, of a tracker and model; in the same order where paired."""
 
     label: str
     quantity: Quantity
@@ -52,9 +44,7 @@ class Arms:
 def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
     """Return the difference of both arms; values that are nan are left out, with their partners where paired.
 
-    Args:
-        arms: The values.
-        tolerated_loss: Share of a's values that b may lack before nothing is concluded from the rest.
+    Nothing is concluded where b lacks more than a tolerated share of a's values.
     """
     known_a, known_b = np.isfinite(arms.a), np.isfinite(arms.b)
     layout = arms.layout
@@ -78,11 +68,7 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
 def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0) -> str:
     """Return a sentence on the values that a has and b lacks; empty where few are missing or a has none.
 
-    Args:
-        a: Which values of the first arm are there, shape (n,).
-        b: Likewise of the second, shape (n,) where paired, else of any length.
-        paired: Whether they belong together one by one.
-        tolerated: Share of a's values that may be lost.
+    Which values of either arm are there is told one by one, where paired in the same order.
     """
     if not a.any():
         return ""

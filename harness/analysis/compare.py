@@ -50,11 +50,8 @@ class Judgement:
     """A comparison of b with a.
 
     Attributes:
-        a: Name of the first side.
-        b: Name of the second.
         verdicts: One for each tracker and metric.
         notes: What a reader must know beside.
-        rules: What was judged, and how much worse is put up with.
         units: What the independent units of the verdicts are, in the plural.
         wanting: What is missing beside single metrics' values, a sentence each: b may not pass without it.
         why: What the failures of two single runs come from; None of grids.
@@ -131,16 +128,11 @@ class Judgement:
 
 
 def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: bool = False) -> Judgement:
-    """Compare b with a.
+    """Compare b with a, by rules or the usual ones.
 
     Runs on the same traffic (same settings and seed) are paired. Without common seeds, whole arms are compared, which
-    needs larger differences. Two single runs on the same traffic are paired vehicle by vehicle.
-
-    Args:
-        a: The first side, the older one perhaps.
-        b: The second.
-        rules: What is judged, and how much worse is put up with; None for the usual.
-        allow_different: Whether different experiments are compared too, with what differs at the top.
+    needs larger differences. Two single runs on the same traffic are paired vehicle by vehicle. Different experiments
+    are compared where that is allowed, with what differs at the top.
 
     Raises:
         InputError: They are different experiments, have no tracker or no setting in common, or are single runs on
@@ -200,11 +192,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
 
 
 def _differing(a: Source, b: Source, allow_different: bool) -> tuple[str, ...]:
-    """Return sentences on the differences between two experiments, apart from which runs they hold.
-
-    Raises:
-        InputError: The world differs, or how it is scored, and that is not allowed.
-    """
+    """Return sentences on what differs between two experiments, or raise an ``InputError`` if that is not allowed."""
     if _in_one_run(a, b):
         return ()
     world, trackers = differing(a.settings, b.settings)

@@ -38,12 +38,7 @@ def conclusion(comparison: Judgement) -> str:
 
 
 def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
-    """Return the comparison as Markdown.
-
-    Args:
-        comparison: The comparison.
-        with_replay: Whether it stands on a page with a replay of its own, which moments lead to then.
-    """
+    """Return the comparison as Markdown; moments lead to the replay where the page has one."""
     lines = [f"## {conclusion(comparison)}", "", *_open(comparison), f"a: `{comparison.a}`, b: `{comparison.b}`", ""]
     lines += [text for line in _basis(comparison) for text in (line, "")]
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):

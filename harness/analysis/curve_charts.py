@@ -29,12 +29,10 @@ Where = tuple[str, str, float | str]
 
 
 def grid_charts(table: pd.DataFrame, axes: Sequence[str], cells: Sequence[int | None]) -> dict[str, Charts]:
-    """Return the charts over each axis by the axis's label.
+    """Return the charts over each axis of the rows of ``runs.parquet`` by the axis's label.
 
-    Args:
-        table: The rows of ``runs.parquet``.
-        axes: Keys of the axes other than network, density and demand.
-        cells: For each row the number of the page's cell that lists it; None where none does.
+    ``axes`` are the keys beside network, density and demand; ``cells`` has each row's number of the page's cell that
+    lists it, or None.
     """
     points = curve_points(table, axes)
     leads = _leads(table.assign(cell=pd.array(list(cells), dtype="Int64")), {point.axis for point in points})
@@ -53,13 +51,7 @@ def _leads(table: pd.DataFrame, axes: set[str]) -> dict[Where, list[int]]:
 
 
 def curve_charts(points: Sequence[Point], axis: str, leads: Mapping[Where, list[int]] | None = None) -> Charts:
-    """Return the charts over one axis, one a quantity, one line a tracker.
-
-    Args:
-        points: The points of all axes.
-        axis: The axis.
-        leads: The cells of a page that each point leads to.
-    """
+    """Return the charts over one axis, one a quantity, one line a tracker; points lead to cells of a page."""
     here = [point for point in points if point.axis == axis]
     lines = lines_of(list(dict.fromkeys(point.label for point in here)))
     heading, charts = AXIS_LABELS.get(axis, axis), []

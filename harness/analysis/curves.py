@@ -73,7 +73,6 @@ class Point:
         label: Tracker with its settings and model; along any axis but that of several networks, its network too.
         axis: What the curve runs over.
         value: Where on that axis, a number, or the name of a demand or network.
-        metric: Key of the quantity.
         mean: Mean over seeds; None without a sample. Errors are pooled by their samples, shares by their events.
         ci95: Interval over seeds, of values that it can have; None where nothing is known of the scatter.
         seeds: Number of seeds with a sample.
@@ -92,14 +91,13 @@ class Point:
 
 @dataclass(frozen=True)
 class Break:
-    """The density at which a tracker breaks.
+    """The density at which a tracker breaks; None if it holds over the whole grid or nothing was occluded.
 
     A tracker breaks where, with growing density, the share of occlusions after which a vehicle has its old identity
     again first falls below 50 %, pooled over seeds and interpolated between the densities of the grid.
 
     Attributes:
         label: Tracker with its settings and model, and its network if there are several.
-        density: That density; None if it holds over the whole grid or nothing was occluded.
         ci95: Bootstrap interval over seeds; an end at which resamples hold is None.
         held_to: Highest density of the grid with enough occlusions to tell; None if there is none.
         at_lowest: Whether it is broken at the lowest such density already, so that it may break below.
@@ -158,12 +156,7 @@ def _values(table: pd.DataFrame, axis: str) -> int:
 
 
 def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
-    """Return all curves' points.
-
-    Args:
-        table: The rows of ``runs.parquet``.
-        varied: Keys of the axes other than network, density and demand.
-    """
+    """Return all curves' points of the rows of ``runs.parquet``, with axes beside network, density and demand."""
     done = coasting_ratio.with_ratios(labelled(table))
     told = [
         each for each in table_quantities() if not each.is_of_some_runs or np.isfinite(column_of(done, each.key)).any()

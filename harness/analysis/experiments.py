@@ -28,10 +28,7 @@ TRACKING = "tracker."
 
 
 def settings_of_grid(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings that hold for all runs of a grid, by key, defaults filled in.
-
-    Args:
-        table: Content of ``grid.json``.
+    """Return the settings that hold for all runs of a ``grid.json``, by key, defaults filled in.
 
     Raises:
         InputError: It holds settings that there are none of.
@@ -43,22 +40,13 @@ def settings_of_grid(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of(nested: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of a configuration by key, defaults filled in.
-
-    Raises:
-        InputError: It is none.
-    """
+    """Return the settings of a configuration by key, defaults filled in, or raise an ``InputError``."""
     usual = RunConfig(tracker=TrackerConfig(name=str(nested.get("tracker", {}).get("name", "mmpf"))))
     return dict(leaves(usual.model_dump())) | dict(leaves(config_from_table(dict(nested)).model_dump()))
 
 
 def differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """Return sentences on the differences between two experiments: in world and scoring, and in trackers.
-
-    Args:
-        a: Settings of the first.
-        b: Settings of the second.
-    """
+    """Return sentences on what differs between two experiments' settings: in world and scoring, and in trackers."""
     world: list[str] = []
     trackers: list[str] = []
     for key in dict.fromkeys((*a, *b)):
@@ -83,12 +71,7 @@ def differing_code(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[str]:
 
 
 def on_other_traffic(a: pd.DataFrame, b: pd.DataFrame) -> BoolArray:
-    """Return which pairs of runs did not see the same traffic and detections, shape (pairs,).
-
-    Args:
-        a: Runs of the first side.
-        b: Their counterparts in the same order.
-    """
+    """Return which runs did not see the traffic and detections of their counterparts, shape (pairs,)."""
     differs = np.zeros(len(a), dtype=bool)
     for name in WORLD:
         first, second = column_of(a, name), column_of(b, name)

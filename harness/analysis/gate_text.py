@@ -43,9 +43,7 @@ def as_junit(comparison: Judgement) -> str:
 def as_summary(comparison: Judgement, pages: str | None = None) -> str:
     """Return the judged metrics and what stands against a verdict as Markdown that needs no other file.
 
-    Args:
-        comparison: The comparison.
-        pages: Address below which the folders' pages lie; None where they lie nowhere, so that nothing leads to them.
+    ``pages`` is the address below which the folders' pages lie; None where nothing leads to them.
     """
     reasons = comparison.reasons if comparison.outcome != WORSE else comparison.wanting
     lines = [f"### {conclusion(comparison)}", "", *(f"- {reason}" for reason in reasons)]

@@ -28,24 +28,17 @@ MISSED, HIDDEN_COST, FALSE_TRACKS = "mot.missed", "hidden.hidden_cost_m", "mot.f
 
 @dataclass(frozen=True)
 class Cost:
-    """What a mismatch costs a tracker, means over the runs of the grid.
+    """What a mismatch costs a tracker with a motion model, means over the runs of the grid.
 
     Attributes:
         variant: The tracker as the user wrote it.
-        model: Its motion model; empty if it takes none.
-        mismatch: The mismatch.
-        hota: HOTA in sight, percent.
-        hota_loss: HOTA without the mismatch less that, run by run, points; nan without such runs.
-        hota_loss_ci95: Its 95 % interval over the runs, Student's.
-        id_switches: Identity switches a run.
+        hota_loss: HOTA without the mismatch less that, run by run, points; nan without such runs. Intervals are
+            Student's.
         coverage95_lon: Percent of true longitudinal positions in the 95 % intervals.
         runs: Number of runs that ended well.
-        hota_ci95: 95 % interval of HOTA over the runs, of values that it can have.
         recall: Percent of vehicle-steps in plain view that have a reported track; nan of runs without that score.
         worst_tenth: The same of the worst tenth of vehicles.
         missed: Missed vehicle-steps in sight a run.
-        hidden_cost_m: Hidden cost.
-        false_tracks_per_scan: False tracks in sight.
     """
 
     variant: str
@@ -72,15 +65,9 @@ class Cost:
 
 @dataclass(frozen=True)
 class Lead:
-    """How far the first tracker is ahead of the best of the others in a world.
+    """How far the first tracker is ahead of the best of the others, by mean HOTA, in a world.
 
-    Attributes:
-        mismatch: The world.
-        first: The first tracker.
-        best_other: The other with the highest mean HOTA on the runs that both ended well.
-        hota_ahead: HOTA of the first less that of the other, paired run by run, points.
-        hota_ahead_ci95: Its 95 % interval over the runs, Student's.
-        runs: Number of pairs.
+    HOTA is paired run by run, in points, with Student's 95 % interval; runs are those that both ended well.
     """
 
     mismatch: str

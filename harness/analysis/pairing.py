@@ -17,14 +17,9 @@ MOST_LISTED = 4
 
 @dataclass(frozen=True)
 class Pairing:
-    """Which rows of two tables of runs are compared.
+    """Rows of two tables of runs that are compared, in the same order where paired.
 
-    Attributes:
-        of_a: Rows of the first, shape (n,).
-        of_b: Rows of the second, in the same order where paired, shape (m,).
-        layout: What they belong to.
-        units: What the independent units are, in the plural.
-        lacking: What each side lacks of the other's runs, a sentence each.
+    ``units`` names the independent units, in the plural; ``lacking`` tells what each side lacks of the other's runs.
     """
 
     of_a: IntArray
@@ -35,14 +30,9 @@ class Pairing:
 
 
 def pair(a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> Pairing:
-    """Pair runs by setting and seed; without common ones, take all runs of common settings.
+    """Pair runs of one tracker by setting and seed; without common ones, take all runs of common settings.
 
     Independent are recordings, else seeds; of a single seed at several densities, its runs.
-
-    Args:
-        a: Runs of one tracker in the first arm.
-        b: Likewise in the second.
-        settings: Columns that tell one setting from another.
     """
     recorded = [RECORDING] if RECORDING in a and RECORDING in b else []
     world_a, world_b = _numbered(a, b, [*settings, *recorded])

@@ -68,15 +68,7 @@ def pooled_name(quantity: Quantity) -> str:
 
 @dataclass(frozen=True)
 class Mean:
-    """A mean over all files.
-
-    Attributes:
-        tracker: The tracker with its settings and model.
-        quantity: Key of the quantity.
-        mean: The mean; None without a sample.
-        ci95: Bootstrap interval over files; None with fewer than two files.
-        n: Samples behind it.
-    """
+    """A tracker's mean of a quantity over all files, None without a sample, and its bootstrap interval over files."""
 
     tracker: str
     quantity: str
@@ -87,17 +79,11 @@ class Mean:
 
 @dataclass(frozen=True)
 class HiddenError:
-    """Errors of hidden vehicles beside those of coasting on the same vehicle-steps.
+    """Mean absolute longitudinal errors of hidden vehicles beside those of coasting on the same vehicle-steps.
 
     Attributes:
-        tracker: The tracker with its settings and model.
-        from_s: Last detected more than so long ago.
-        to_s: And at most so long ago; None for all times together.
-        lon_m: Mean absolute longitudinal error.
-        lon_m_ci95: Its interval over files.
-        coasting_lon_m: That of coasting.
-        ratio: One over the other.
-        ratio_ci95: Its interval over files.
+        from_s: Last detected more than so long ago, and at most ``to_s``; None for all times together.
+        ratio: One over the other; intervals are over files.
         n: Vehicle-steps.
         followed_percent: Share of all such vehicle-steps that the tracker follows.
     """
@@ -116,16 +102,7 @@ class HiddenError:
 
 @dataclass(frozen=True)
 class FileCount:
-    """How much of a file was driven.
-
-    Attributes:
-        file: Its name.
-        vehicles_read: Vehicles in it.
-        vehicles_kept: Vehicles of them that were driven.
-        vehicles_left_out: The others.
-        egos: Vehicles that carried the sensor.
-        runs: Runs over it that ended well.
-    """
+    """How many vehicles of a file were driven, how many carried the sensor, and the runs over it that ended well."""
 
     file: str
     vehicles_read: int
@@ -137,13 +114,9 @@ class FileCount:
 
 @dataclass(frozen=True)
 class Pooled:
-    """All results of a grid over recorded traffic.
+    """All results of a grid over recorded traffic: files, and each tracker's identity switches, scores and errors.
 
-    Attributes:
-        files: The files.
-        id_switches: Identity switches of each tracker over all files.
-        means: Each tracker's scores.
-        hidden: Each tracker's errors by the time since the last detection, all times together last.
+    Errors of hidden vehicles are by the time since the last detection, all times together last.
     """
 
     files: Sequence[FileCount]
@@ -153,11 +126,7 @@ class Pooled:
 
 
 def pool_files(table: pd.DataFrame) -> Pooled:
-    """Pool the runs over recorded files; a run that failed leaves its file out for its tracker alone.
-
-    Args:
-        table: The rows of ``runs.parquet``.
-    """
+    """Pool the runs over recorded files; a run that failed leaves its file out for its tracker alone."""
     done = labelled(table)
     groups = [(str(label), runs) for label, runs in done.groupby("label", sort=False)]
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}

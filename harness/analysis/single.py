@@ -50,12 +50,7 @@ BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
 
 @dataclass(frozen=True)
 class SingleRuns:
-    """The results of two single runs on the same traffic.
-
-    Attributes:
-        measured: The differences.
-        why: What their failures come from.
-    """
+    """The differences of two single runs on the same traffic, and what their failures come from."""
 
     measured: list[MetricDifference]
     why: Why

@@ -35,12 +35,10 @@ class Source:
 
     Attributes:
         name: What the user typed.
-        folder: Where it lies.
         rows: One row per successful run, with a column ``label``.
-        failed: Number of runs that failed.
+        failed: Number of runs that failed, and in ``failed_labels`` the tracker of each, with its settings and model.
         is_run: Whether it is a single run's folder.
         axes: Columns that were varied beside density, demand and seed, the mismatch among them.
-        failed_labels: Tracker of each run that failed, with its settings and model.
         settings: Settings that hold for all its runs, by key.
         manifest: Content of its ``manifest.json``; empty without one.
     """

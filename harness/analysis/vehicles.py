@@ -69,14 +69,7 @@ def closeness(truth: TruthRows, vehicles: int) -> FloatArray:
 
 
 def ratio_by_vehicle(values: FloatArray, vehicle: IntArray, vehicles: int, scale: float = 1.0) -> ByVehicle:
-    """Return a mean over rows as one over vehicles.
-
-    Args:
-        values: Value of each row, shape (n,).
-        vehicle: Vehicle of each row, from 0, shape (n,).
-        vehicles: Number of all vehicles.
-        scale: What the mean is multiplied by.
-    """
+    """Return a scaled mean over rows, (n,), as one over vehicles, which are numbered from 0."""
     counts = np.bincount(vehicle, minlength=vehicles).astype(np.float64)
     sums = scale * np.bincount(vehicle, weights=values, minlength=vehicles)
     total = counts.sum()
@@ -155,14 +148,7 @@ def hota_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
 
 
 def _hota_influence(truths: FloatArray, tracks: FloatArray, matched: FloatArray, associated: FloatArray) -> FloatArray:
-    """Return the derivative of HOTA along each unit's sums, shape (units,).
-
-    Args:
-        truths: Truth rows of each unit, shape (units,).
-        tracks: Track rows, same shape.
-        matched: Matches at each threshold, shape (units, thresholds).
-        associated: Sum of their association scores, same shape.
-    """
+    """Return the derivative of HOTA along each unit's sums, shape (units,), per threshold (units, thresholds)."""
     every, rows = matched.sum(axis=0), truths + tracks
     union = rows.sum() - every
     found = (every > 0.0) & (union > 0.0)

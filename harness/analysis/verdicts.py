@@ -48,15 +48,10 @@ FEWEST_TOLD = 5.0
 
 @dataclass(frozen=True)
 class Limit:
-    """What is asked of one metric alone.
+    """What is asked of one metric alone; a tolerance that is none is an ``InputError``.
 
-    Attributes:
-        tolerance: Share of a's value by which b may be worse; None for that of all metrics.
-        floor: What b's value may not be below; None for none.
-        ceiling: What it may not be above; None for none.
-
-    Raises:
-        InputError: The tolerance is not a number or out of range.
+    ``tolerance`` is the share of a's value by which b may be worse, None for that of all metrics; b's value may not be
+    below the floor or above the ceiling.
     """
 
     tolerance: float | None = None
@@ -83,13 +78,7 @@ NO_LIMIT = Limit()
 
 @dataclass(frozen=True)
 class Rules:
-    """What is judged, and how much worse is put up with.
-
-    Attributes:
-        tolerance: Largest accepted loss, as a share of A's value.
-        time_tolerance: Likewise of the time of a step.
-        primary: Keys of the metrics that get a verdict; the others are described.
-        limits: Tolerances and bounds of single metrics, by key.
+    """What is judged, and how much worse it may be, as a share of A's value: in general, in time a step, and singly.
 
     Raises:
         InputError: A tolerance is not a number, or out of its range; or nothing is judged.
@@ -128,12 +117,7 @@ def _check_within(parameter: str, value: object, most: float) -> None:
 
 
 def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = False) -> list[Quantity]:
-    """Return what is compared: what gets a verdict, then the rest.
-
-    Args:
-        primary: Keys of what gets a verdict.
-        closed_loop: Whether drives by belief are compared, which have metrics of their own.
-    """
+    """Return what is compared: what gets a verdict, then the rest; drives by belief have metrics of their own."""
     of_drives = [quantity for quantity in closedloop.QUANTITIES if quantity.key != closedloop.IMPACT]
     order = {key: place for place, key in enumerate(primary)}
     return sorted(
@@ -155,13 +139,9 @@ def name_of(metric: str) -> str:
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """The difference of one metric.
+    """The difference of one metric of a tracker and model.
 
     Attributes:
-        label: What is compared: tracker and model.
-        quantity: The metric.
-        a: Mean of the first arm.
-        b: Mean of the second.
         effect: The difference with its uncertainty.
         pairs: Number of pairs, or of values of the smaller arm where not paired.
         same: Whether every value of b is that of a.
@@ -180,14 +160,9 @@ class MetricDifference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict on one metric.
+    """The verdict on one metric, which is primary, or described alone, of a tracker and model.
 
     Attributes:
-        label: What is compared: tracker and model.
-        metric: Key of the metric.
-        primary: Whether it gets a verdict; others are described.
-        a: Mean of the first arm.
-        b: Mean of the second.
         difference: b minus a.
         ci95: Its 95 % interval; nan where nothing is known of its scatter.
         p: One-sided p value of being worse, or of being better where the difference is, corrected for the number of
@@ -197,7 +172,6 @@ class Verdict:
         margin: By how much b may be worse.
         verdict: Of b: ``worse``, ``no worse``, ``better`` (which is no worse too), ``undecided``; ``not tested`` where
             it is only described.
-        regression: Whether the verdict is worse.
         more_units: How many more units would decide what is undecided, if all else stays; None where unknown.
         wanting: What is missing for a verdict, in words; empty where nothing is.
         breach: How b's value breaks its floor or ceiling, in words; empty where it does not.
@@ -222,15 +196,9 @@ class Verdict:
 
 
 def judge(measured: Sequence[MetricDifference], rules: Rules | None = None) -> list[Verdict]:
-    """Give a verdict on every metric that is judged, and describe the others.
+    """Return a verdict on every metric that is judged, and a description of the others, in their order.
 
-    Args:
-        measured: The differences.
-        rules: What is judged, and how much worse is put up with; None for the usual.
-
-    Returns:
-        A verdict each, in their order. The probability that any of them is worse though nothing differs is at most
-        5 %, and so is that of better.
+    The probability that any of them is worse though nothing differs is at most 5 %, and so is that of better.
     """
     rules = rules or Rules()
     # Equal bytes are no sample: nothing has changed, however few runs there are.
@@ -323,11 +291,7 @@ def _verdict(measured: MetricDifference, rules: Rules, p: float, tests: int, unk
 
 
 def holm(p: FloatArray) -> FloatArray:
-    """Correct p values for their number (Holm 1979); nan is no test and counts for nothing.
-
-    Args:
-        p: p values, shape (n,).
-    """
+    """Correct p values, shape (n,), for their number (Holm 1979); nan is no test and counts for nothing."""
     tested = np.flatnonzero(np.isfinite(p))
     order = tested[np.argsort(p[tested], kind="stable")]
     steps = p[order] * (len(order) - np.arange(len(order)))

@@ -34,15 +34,10 @@ KINDS = (SWITCH, LOSS)
 
 @dataclass(frozen=True)
 class TrackFailure:
-    """One failure of a tracker.
+    """One failure of a tracker, ``identity switch`` or ``lost track``, by one of ``CAUSES``.
 
-    Attributes:
-        kind: ``identity switch`` or ``lost track``.
-        cause: One of ``CAUSES``.
-        vehicle_id: The vehicle.
-        time_s: When: that of the first match to the new track, or that at which the old one was gone.
-        before: The track that the vehicle had, by the tracker's own number.
-        after: The track that it has now, -1 if none.
+    ``before`` and ``after`` are the tracks that the vehicle had and has, by the tracker's own number, -1 if none;
+    ``time_s`` is that of the first match to the new one, or that at which the old one was gone.
     """
 
     kind: str
@@ -121,14 +116,7 @@ def _switches(evidence: Evidence, tracks: _Tracks) -> Iterator[TrackFailure]:
 
 
 def _cause_of_switch(evidence: Evidence, tracks: _Tracks, vehicle: tuple[int, int], track: tuple[int, int]) -> str:
-    """Return the cause of a switch.
-
-    Args:
-        evidence: The run.
-        tracks: Its tracks.
-        vehicle: Truth rows of the last match to the old track and of the first to the new one.
-        track: Track rows of both.
-    """
+    """Return the cause of a switch, between rows of the last match to the old track and of the first to the new one."""
     truth, rows = evidence.rows.truth, evidence.rows.tracks
     last, now = vehicle
     old, new = (int(rows.track[row]) for row in track)
@@ -175,14 +163,7 @@ def _beginnings(lost: np.ndarray, vehicle: IntArray, holder: IntArray) -> IntArr
 
 @dataclass(frozen=True)
 class Why:
-    """What the failures of both runs come from.
-
-    Attributes:
-        a: Failures of the first run.
-        b: Failures of the second.
-        folder_a: Folder of the first, where its replay lies.
-        folder_b: Folder of the second.
-    """
+    """What the failures of both runs come from, and the folders where their replays lie."""
 
     a: tuple[TrackFailure, ...]
     b: tuple[TrackFailure, ...]

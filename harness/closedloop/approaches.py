@@ -21,20 +21,10 @@ NOBODY = "", False
 def hidden_with_right_of_way(
     traffic: LiveTraffic, row: int, way: EgoRoute, settings: SensorSettings
 ) -> tuple[str, bool]:
-    """Return a hidden car that a car which comes up to its path must let pass, and whether it had been in sight.
+    """Return a hidden car that the ego of a row, near its path, must let pass, and whether it had been in sight.
 
     Both would be at the place of conflict within the margin if the one went on as it would on a free road, and the
-    other as fast as now.
-
-    Args:
-        traffic: The traffic.
-        row: Row of the present frame that is the ego's.
-        way: The ego's way.
-        settings: The sensor.
-
-    Returns:
-        The car's name, empty if there is none, and whether it was in sight often enough to be known of; otherwise it
-        never was.
+    other as fast as now. The name is empty if there is none; one not in sight often enough to be known of never was.
     """
     road, frames = traffic.network.road, tuple(traffic.frames)
     graph = road.graph

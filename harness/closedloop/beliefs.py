@@ -47,10 +47,6 @@ class TrackedPerception:
     """The reported tracks, as large as detections on them measured so far; doubtful with an existence below one half.
 
     The same bodies as ``harness.scoring.driving.believed`` makes of a finished run's tables, a step at a time.
-
-    Attributes:
-        road: The road that they are on.
-        settings: Gate and existence.
     """
 
     road: Road
@@ -115,15 +111,9 @@ class HumanPerception:
     """What a human driver perceives: vehicles in sight alone, with errors of gap and speed that drift.
 
     SUMO's ``device.driverstate`` can't be attached to a vehicle that is on its way, so this is its error process: an
-    Ornstein-Uhlenbeck process e of time scale 100 s times the awareness A and noise intensity 0.2 (1 - A). A gap g is
-    perceived as g (1 + 0.75 e), a difference of speed as it is plus 0.15 e g. Its thresholds of perception are left
-    out.
-
-    Attributes:
-        road: The road, along which gaps are perceived, or straight to the other where it has no direction.
-        rng: Its own stream.
-        step_s: Time between looks.
-        awareness: SUMO's measure of attention, in (0, 1]; there is no error at 1.
+    Ornstein-Uhlenbeck process e of time scale 100 s times the awareness A in (0, 1] and noise intensity 0.2 (1 - A). A
+    gap g is perceived as g (1 + 0.75 e), a difference of speed as it is plus 0.15 e g. Its thresholds of perception are
+    left out.
     """
 
     road: Road
@@ -180,15 +170,9 @@ def ego_of(frame: Frame, route: tuple[int, ...] = ()) -> Egos:
 
 
 def believed_by_each(frame: Frame, rows: IntArray, road: Road) -> Belief:
-    """Return what each of some vehicles would believe by the truth, a step each.
+    """Return what the vehicles of some rows would believe by the truth, each the ego in turn, a step each.
 
-    Args:
-        frame: The vehicles.
-        rows: Rows of the frame, each in turn the ego.
-        road: The lanes.
-
-    Returns:
-        The belief; a body is a row of the frame plus a multiple of the frame's size.
+    A body is a row of the frame plus a multiple of the frame's size.
     """
     count, size = len(rows), len(frame)
 

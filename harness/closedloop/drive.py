@@ -42,14 +42,7 @@ REPLAY = "replay"
 
 @dataclass(frozen=True)
 class FinishedDrives:
-    """A closed loop that ended.
-
-    Attributes:
-        folder: Where its files lie.
-        text: Its tables in Markdown.
-        summary: Content of its ``summary.json``.
-        shown: Keys of the collisions whose pages its tables lead to.
-    """
+    """A closed loop that ended: its folder, tables in Markdown, ``summary.json``, keys of collisions with a page."""
 
     folder: Path
     text: str
@@ -64,14 +57,7 @@ class FinishedDrives:
 
 @dataclass(frozen=True)
 class Execution:
-    """How drives are made.
-
-    Attributes:
-        workers: Number of processes.
-        timeout_s: Longest time for a seed's traffic, and for a drive; None for no limit.
-        resume: Whether drives that the folder already holds are kept.
-        retry_failed: Whether those of them that failed are made again.
-    """
+    """How drives are made; ``timeout_s`` is for a seed's traffic, and for a drive."""
 
     workers: int
     timeout_s: float | None = None
@@ -86,14 +72,7 @@ def run_drives(
     user: Telling | None = None,
     command: str = "",
 ) -> FinishedDrives:
-    """Drive every episode by every belief and write the folder.
-
-    Args:
-        request: Episodes and beliefs.
-        out: The folder.
-        how: How they are made.
-        user: How the user is told of what goes on; None for not at all.
-        command: What the user typed, for the manifest.
+    """Drive every episode by every belief and write the folder; ``command`` is what the user typed, for the manifest.
 
     Raises:
         InputError: The request or the folder is wrong; nothing was driven.
@@ -120,11 +99,7 @@ def run_drives(
 
 
 def _check(grid: GridPlan, user: Telling) -> None:
-    """Find a wrong network, sensor, tracker or driver before anything is driven.
-
-    Raises:
-        InputError: Something is wrong.
-    """
+    """Find a wrong network, sensor, tracker or driver before anything is driven, or raise ``InputError``."""
     try:
         check_grid(grid, user.tell)
     except InputError as error:
@@ -132,11 +107,7 @@ def _check(grid: GridPlan, user: Telling) -> None:
 
 
 def _check_road(request: DriveRequest, grid: GridPlan) -> None:
-    """Find a road on which nothing can be made to flow at a speed, to stand in the way, or to cross.
-
-    Raises:
-        InputError: It is no main road, or a main road without crossings.
-    """
+    """Refuse a road on which nothing can be made to flow at a speed, to stand in the way, or to cross."""
     crosses = any(isinstance(run, PlannedDrive) and run.kind == CROSS for run in grid.runs)
     if crosses and load_network(request.net).corridor is not None:
         raise InputError(f"`provoke` cross: {request.net} has no crossings; name another `net`, such as priority")

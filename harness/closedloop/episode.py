@@ -74,12 +74,9 @@ WithStops = Callable[[Belief], Belief]
 
 @dataclass(frozen=True)
 class EpisodeResult:
-    """An episode that ended.
+    """An episode that ended: its row's tables ``episode`` and ``drive``, and what was recorded, by file.
 
-    Attributes:
-        table: The tables ``episode`` and ``drive`` of its row.
-        tables: What was recorded, tracking seconds included, by file.
-        evaluated: What the scores are of one that ended in a collision; None of others.
+    ``evaluated`` has the scores of one that ended in a collision; None of others.
     """
 
     table: dict[str, dict[str, Any]]
@@ -88,13 +85,7 @@ class EpisodeResult:
 
 
 def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -> EpisodeResult:
-    """Drive an episode from its start on; the simulation is used up.
-
-    Args:
-        traffic: The simulation, as it stands at the start of the episode.
-        at: The start of the episode.
-        planned: By what belief.
-    """
+    """Drive an episode from its start, at which the simulation stands; the simulation is used up."""
     config, seed = planned.config, planned.config.seed
     stream = np.random.SeedSequence(seed, spawn_key=(STREAMS[at.kind],))
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)

@@ -49,15 +49,13 @@ class EpisodeStart:
 
     Attributes:
         kind: ``free``, or how the episode is provoked.
-        ego: Name of the ego.
         provoked: Name of the vehicle that is provoked; empty for none.
         candidates: How many cars could have been the ego.
         looked_through: How many of them were looked at until one fitted, over all moments.
         frames: The tracking seconds, the last frame is the start's.
         way: The lanes that it is to drive on a network without a main road; None on one with.
-        seen_before: Whether the vehicle that it must let pass had been in sight, or never had; None where it is no such
-            episode.
-        stands: Where the vehicle is put that is to stand in the ego's way; None where it is no such episode.
+        seen_before: Whether the vehicle that it must let pass had been in sight, or never had; None for other kinds.
+        stands: Where the vehicle is put that is to stand in the ego's way; None for other kinds.
     """
 
     kind: str
@@ -85,12 +83,8 @@ def episode_starts(
 ) -> Iterator[EpisodeStart | str]:
     """Yield a start of each kind while the traffic stands at it, in order of time; a kind alone if none is found.
 
-    Args:
-        traffic: The traffic; it goes on between starts of episodes.
-        kinds: Kinds of episodes, each once.
-        settings: The sensor.
-        rng: Decides between candidates. Each kind has the same draws whichever others are asked for.
-        flow_mps: Speed at which the traffic is to flow; None where it is not told.
+    Each kind has the same draws whichever others are asked for. The traffic, which flows at ``flow_mps`` if that is
+    told, goes on between starts of episodes.
     """
     step_s, waiting = traffic.step_s, [kind for kind in kinds if kind != CROSS or _has_right_of_way(traffic)]
     spawned = rng.spawn(max(STREAMS.values()) + 1)

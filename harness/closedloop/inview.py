@@ -40,15 +40,7 @@ def stands_ahead(
 ) -> Placement | None:
     """Return where a vehicle can be put that stands in a car's lane, out of its sensor's range but soon in plain view.
 
-    Args:
-        traffic: The traffic.
-        row: Row of the present frame that is the ego's.
-        range_m: The sensor's range.
-        vehicle: The vehicle that is to stand there.
-        flow_mps: Speed at which the traffic is to flow; None for any.
-
-    Returns:
-        Where; None where somebody is between, or the road ends, or the ego is no part of the flow.
+    It is None where somebody is between, or the road ends, or the ego is no part of traffic that flows at ``flow_mps``.
     """
     now, network = traffic.frames[-1], traffic.network
     speed_mps, front_m = float(now.speed_mps[row]), float(now.lon_m[row] + 0.5 * now.length_m[row])
@@ -76,12 +68,7 @@ def stands_ahead(
 def leader_in_view(traffic: LiveTraffic, belief: Belief, place: int, row: int, settings: SensorSettings) -> str:
     """Return the leader of a car if it drives near ahead and has been in plain view throughout; else an empty name.
 
-    Args:
-        traffic: The traffic.
-        belief: What some vehicles would believe by the truth.
-        place: Which of them.
-        row: Its row of the present frame.
-        settings: The sensor.
+    The car is at a row of the present frame and at a place of those whose belief by the truth is given.
     """
     now, leaders = traffic.frames[-1], belief.leaders
     body, gap_m = int(leaders.body[place, 0]), float(leaders.gap_m[place, 0])
@@ -98,14 +85,7 @@ def leader_in_view(traffic: LiveTraffic, belief: Belief, place: int, row: int, s
 
 @dataclass(frozen=True)
 class SeldomDetected:
-    """A sensor that detects one vehicle in a share of the scans only in which another would.
-
-    Attributes:
-        sensor: The other.
-        vehicle: The vehicle's name; no tracker knows it.
-        share: The share.
-        settings: The sensor's figures.
-    """
+    """A sensor that detects one vehicle, which no tracker knows, in a share of the scans in which another would."""
 
     sensor: Sensor
     vehicle: str

@@ -22,13 +22,9 @@ WAITS_MPS = 1.0
 
 @dataclass
 class Passage:
-    """The ego's way over places where it must yield, in an episode.
+    """The ego's way over places where it must yield, the nearest first, in an episode.
 
-    Attributes:
-        way: Its way.
-        crossings: The places, the nearest first.
-        step_s: Time between steps.
-        heed: From which probability of an unseen vehicle in its way on the ego holds; None for never.
+    ``heed`` is the probability of an unseen vehicle in its way from which on the ego holds; None for never.
     """
 
     way: LaneChain
@@ -69,15 +65,7 @@ class Passage:
         return belief if room_m is None else with_standing_leader(belief, room_m)
 
     def note(self, frame: Frame, course: EgoPath, real: Bodies, holds: bool, must_hold: bool) -> None:
-        """Note a step.
-
-        Args:
-            frame: The truth.
-            course: Where the ego is.
-            real: The vehicles of the frame but the ego.
-            holds: Whether the ego holds by what it believes.
-            must_hold: Whether it would by the truth.
-        """
+        """Note a step's truth, where the ego is, and whether it holds by what it believes, and would by the truth."""
         if not self.crossings:
             return
         time_s, first = round(len(self._frames) * self.step_s, 6), self.crossings[0]
@@ -93,12 +81,7 @@ class Passage:
             self._waited += course.speed_mps < WAITS_MPS
 
     def crossed(self, provoked: str, contact: Contact | None) -> Crossed:
-        """Return the outcome of the first crossing.
-
-        Args:
-            provoked: The vehicle that the episode provokes; empty for none.
-            contact: The ego's collision; None for none.
-        """
+        """Return the outcome of the first crossing, with the vehicle that the episode provokes, empty for none."""
         holds = np.array(self._holds, dtype=bool).reshape(-1, 2)
         names = self._had_way | ({provoked} - {""})
         met = {name: found for name in sorted(names) if (found := self._encounter(name)) is not None}

@@ -17,12 +17,7 @@ FARTHEST_M = 1000.0
 
 @dataclass(frozen=True)
 class EgoRoute:
-    """Consecutive lanes from the ego's own lane on.
-
-    Attributes:
-        lanes: Their indices.
-        length_m: Their lengths.
-    """
+    """Consecutive lanes from the ego's own lane on: their indices and lengths."""
 
     lanes: tuple[int, ...]
     length_m: tuple[float, ...]
@@ -37,13 +32,7 @@ class EgoRoute:
 
 
 def way_of(graph: LaneGraph, lane: int, edges: Sequence[str]) -> EgoRoute:
-    """Return the way from a lane on.
-
-    Args:
-        graph: The lanes.
-        lane: Index of the lane.
-        edges: The route's edges, that of the lane first.
-    """
+    """Return the way from a lane on by a route's edges, that of the lane first."""
     lanes, ahead_m = [lane], float(graph.length_m[lane])
     for edge in edges[1:]:
         path = _path_to(graph, lanes[-1], edge)

@@ -71,9 +71,7 @@ class Steering:
     def contact(self, frame: Frame, time_s: float) -> Contact | None:
         """Return the ego's collision if its body overlaps another, or if SUMO reports one; None if there is none.
 
-        Args:
-            frame: The present frame, with the ego.
-            time_s: Time since the start of the episode.
+        ``time_s`` is the time since the start of the episode.
         """
         reported = {
             name
@@ -99,10 +97,7 @@ class Steering:
 
 
 def overlaps(frame: Frame) -> BoolArray:
-    """Return whose rectangle overlaps the ego's, shape (n,); never the ego's own.
-
-    Two rectangles overlap if no side of either has them apart. On a main road bodies are taken to lie along it.
-    """
+    """Return whose body overlaps the ego's, (n,); never its own. Bodies lie along a main road, or as they head."""
     ego, axis_rad = frame.ego, frame.axis_rad
     lon_m, lat_m = frame.lon_m - frame.lon_m[ego], frame.lat_m - frame.lat_m[ego]
     touched = np.ones(len(frame), dtype=np.bool_)

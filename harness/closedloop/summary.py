@@ -35,11 +35,8 @@ class Score:
     """A belief's mean of one quantity.
 
     Attributes:
-        belief: The belief.
         episodes: ``all``, ``free``, ``provoked``, or a kind of provocation where there are several.
-        metric: Key of the quantity.
-        n: Episodes with a value.
-        mean: Mean over them; None without any.
+        n: Episodes with a value; without any ``mean`` is None.
         ci95: Interval over seeds, of values that it can have; None with fewer than two, or beyond ``WIDEST``.
         excess: Mean difference from the truth in the same episodes; None where there is no pair.
         excess_ci95: Student's interval of that over seeds; None with fewer than two, or where none differs.
@@ -56,11 +53,7 @@ class Score:
 
 
 def scores(table: pd.DataFrame) -> list[Score]:
-    """Score every belief and kind of episode.
-
-    Args:
-        table: The rows of ``runs.parquet``.
-    """
+    """Score every belief and kind of episode in the rows of ``runs.parquet``."""
     done = table[table["succeeded"].astype(bool)]
     if not len(done):
         return []

@@ -14,14 +14,7 @@ from harness.truth.sumo.simulation import SumoTruth
 
 
 class LiveTraffic:
-    """A simulation that is read step by step, with the frames of the last seconds.
-
-    Attributes:
-        running: The simulation.
-        network: Where it drives.
-        step_s: Time between frames.
-        frames: The last frames, up to the present one; none has an ego.
-    """
+    """A simulation that is read step by step, with the frames of the last seconds, none of which has an ego."""
 
     def __init__(self, truth: SumoTruth, network: Network) -> None:
         """Take over a simulation whose warm-up is done, and read its first frame."""

@@ -16,11 +16,7 @@ from harness.storage.schema import VISIBLE
 
 @dataclass
 class PlainSight:
-    """Who has been in plain view since when; the rule is that of ``harness.scoring.driving.withheld``.
-
-    Attributes:
-        settings: Gate, and the time in plain view from which a vehicle must have a track.
-    """
+    """Who has been in plain view since when; the rule is that of ``harness.scoring.driving.withheld``."""
 
     settings: ScoringSettings = field(default_factory=ScoringSettings)
     _since_s: dict[str, float] = field(default_factory=dict)
@@ -31,12 +27,9 @@ class PlainSight:
         self._since_s = {name: self._since_s.get(name, look.frame.time_s) for name in seen}
 
     def withholds(self, look: Look, row: int, told: Bodies) -> bool:
-        """Return whether a vehicle is in plain view for long enough and no reported body is within the gate.
+        """Return whether the vehicle of a row is in plain view for long enough and no reported body is within the gate.
 
-        Args:
-            look: The look that was noted last.
-            row: The vehicle's row of the frame.
-            told: What the driver is told of.
+        The look is the one that was noted last.
         """
         frame = look.frame
         since_s = self._since_s.get(str(frame.vehicle_id[row]), np.inf)

@@ -48,12 +48,7 @@ CHOICES = 9
 
 
 def work_on_cell(cell: Cell, report: Report) -> None:
-    """Drive all episodes of a seed by all beliefs; for an external network in a fork with few rights.
-
-    Args:
-        cell: The drives.
-        report: Called with what happens, in order; failures are rows.
-    """
+    """Drive all episodes of a seed by all beliefs, reporting in order; for an external network in a confined fork."""
     net, begin = cell.config.traffic.net, perf_counter()
     if is_in_the_box(net):
         _work_on(cell, report, lambda: None)

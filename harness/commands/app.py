@@ -85,14 +85,7 @@ Then, for example:
 
 
 def run_command_line(arguments: Sequence[str]) -> int:
-    """Run one command.
-
-    Args:
-        arguments: What follows the program's name.
-
-    Returns:
-        Exit code, one of ``harness.common.exit_codes.MEANINGS``.
-    """
+    """Run one command and return its exit code, one of ``harness.common.exit_codes.MEANINGS``."""
     called = next((word for word in arguments if not word.startswith("-")), None)
     if (checkout := other_checkout(Path.cwd(), Path(__file__).parents[2])) is not None:
         line = (
@@ -105,12 +98,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
 
 
 def other_checkout(place: Path, running: Path) -> Path | None:
-    """Return the checkout of this project that a place lies in, where another copy of it is running; else None.
-
-    Args:
-        place: Where the user stands.
-        running: Folder of the packages that are running.
-    """
+    """Return the checkout of this project that the user stands in, where another copy of it is running; else None."""
     for folder in (place, *place.parents):
         if (folder / "harness" / "__main__.py").is_file() and (folder / "mmpf" / "__init__.py").is_file():
             return None if folder.resolve() == running.resolve() else folder

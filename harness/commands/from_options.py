@@ -17,12 +17,7 @@ Outcome = int | None
 
 
 def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
-    """Return what typer takes for a command.
-
-    Args:
-        command: Takes ``options``, a table of options (see ``harness.config.options``), and may return an exit code.
-            A function in typer's own manner is returned as it is.
-    """
+    """Return what typer takes for a command of a table of options; a function in typer's own manner stays as it is."""
     table = get_type_hints(command).get("options")
     if table is None:
         return command
@@ -38,12 +33,7 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
 
 
 def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> list[str]:
-    """Return what was typed, with a value after each option that may be typed without one, and names of today.
-
-    Args:
-        command: As ``typer_command`` takes it.
-        arguments: What was typed.
-    """
+    """Return what was typed, with a value after each option that may be typed without one, and names of today."""
     table = get_type_hints(command).get("options")
     entries = {} if table is None else declared(table)
     options = {f"--{name.replace('_', '-')}": entry.option for name, entry in entries.items()}

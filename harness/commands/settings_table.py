@@ -35,15 +35,11 @@ WIDEST, WIDEST_UNIT = 130, 12
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting, or one named thing that a setting takes.
+    """One setting, or one named thing that a setting takes; ``default`` is None for that.
 
-    Attributes:
-        key: Dotted path as in ``config.toml``; with ``=NAME`` behind it for a named thing.
-        default: Value where nobody sets it; None for none, and for a named thing.
-        unit: Unit; empty for a word or a pure number.
-        meaning: What it is.
-        kind: ``run``, ``sensor PROFILE`` or ``tracker NAME`` for settings; ``network``, ``format of recorded traffic``,
-            ``sensor profile``, ``tracker`` or ``motion model`` for named things.
+    ``key`` is the dotted path as in ``config.toml``, with ``=NAME`` behind it for a named thing. ``kind`` is ``run``,
+    ``sensor PROFILE`` or ``tracker NAME`` for settings; ``network``, ``format of recorded traffic``, ``sensor
+    profile``, ``tracker`` or ``motion model`` for named things.
     """
 
     key: str
@@ -54,14 +50,7 @@ class Setting:
 
 
 def all_settings(word: str = "") -> list[Setting]:
-    """Return what can be set, group by group.
-
-    Args:
-        word: Only what has this in its key or kind; everything if empty.
-
-    Raises:
-        InputError: Nothing has.
-    """
+    """Return what can be set and has a word in its key or kind, group by group; nothing is an ``InputError``."""
     found = [row for row in _everything() if word.lower() in row.key.lower() or word.lower() in row.kind]
     if not found:
         raise InputError(f"`word` {word!r}: no setting has that in its name; leave it out to see all of them")

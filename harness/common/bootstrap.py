@@ -31,17 +31,8 @@ def bootstrap_ci(
 ) -> Interval:
     """Return the percentile bootstrap interval of a mean, resampling whole groups (Efron & Tibshirani 1993, ch. 13).
 
-    Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent.
-
-    Args:
-        values: Values, shape (n,); nan is left out.
-        rng: Source of the resamples.
-        groups: Group of each value (vehicle, or seed), shape (n,); None resamples the single values.
-        level: Coverage.
-        draws: Number of resamples.
-
-    Returns:
-        The interval; nan bounds with fewer than two groups.
+    Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent; without
+    groups of values, both of shape (n,), they are. nan is left out; bounds are nan with fewer than two groups.
     """
     sums, counts = sums_by_label(values, np.arange(len(values)) if groups is None else groups)
     return cluster_bootstrap(sums, counts, rng, level, draws)[0]
@@ -59,21 +50,16 @@ def resampled_means(values: FloatArray, rng: np.random.Generator, draws: int) ->
 
 
 def sums_by_label(values: FloatArray, groups: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Sum values, shape (n,), over groups with any labels, shape (n,); nan is left out, and a group of nothing else.
+    """Return sums and numbers of values, shape (n,), by group in the order of the labels, both of shape (groups, 1).
 
-    Returns:
-        Sums and numbers of values in the order of the labels, both of shape (groups, 1).
+    nan is left out, and a group of nothing else.
     """
     finite = np.isfinite(values)
     return group_sums(values[finite][:, None], np.unique(groups[finite], return_inverse=True)[1])
 
 
 def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Sum the columns of values, shape (n, k), over groups numbered from 0, shape (n,); nan is left out.
-
-    Returns:
-        Sums and numbers of finite values, both of shape (groups, k).
-    """
+    """Return sums and numbers, (groups, k), of the finite values, (n, k), in groups numbered from 0, shape (n,)."""
     groups = int(group.max(initial=-1)) + 1
     finite = np.isfinite(values)
     sums = np.zeros((groups, values.shape[1]))
@@ -90,15 +76,8 @@ def cluster_bootstrap(
 ) -> list[Interval]:
     """Return the percentile bootstrap intervals of several means that share their groups.
 
-    Args:
-        sums: Sum of each quantity over each group, shape (groups, quantities).
-        counts: Number of values behind each sum, same shape.
-        rng: Source of the resamples.
-        level: Coverage.
-        draws: Number of resamples.
-
-    Returns:
-        One interval per quantity; nan bounds where fewer than two groups have values.
+    Sums and numbers of values are of shape (groups, quantities); bounds are nan where fewer than two groups have
+    values.
     """
     groups = len(sums)
     if groups < 2:
@@ -128,15 +107,9 @@ def cluster_bootstrap(
 def few_groups_ci(sums: FloatArray, counts: FloatArray, level: float = 0.95) -> Interval:
     """Return Student's interval of a mean over few independent groups, such as seeds, by the ratio of their totals.
 
-    A percentile bootstrap over few groups is too narrow: it covers 74 % of 95 % with three of them.
-
-    Args:
-        sums: Sum of the values of each group, shape (groups,).
-        counts: Number of values, or weight, behind each sum, same shape; groups of none count nothing.
-        level: Coverage.
-
-    Returns:
-        The interval; nan bounds with fewer than two groups.
+    A percentile bootstrap over few groups is too narrow: it covers 74 % of 95 % with three of them. Sums, and their
+    numbers of values or weights, are of shape (groups,); groups of none count nothing, and bounds are nan with fewer
+    than two.
     """
     known = counts > 0.0
     sums, counts = sums[known], counts[known]

@@ -61,13 +61,10 @@ KINDS = tuple(_CONVERT)
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart.
+    """A chart: its title with the unit, what it shows for those who do not see it, and its Vega-Lite specification.
 
-    Attributes:
-        title: What it shows, with its unit.
-        description: The same for those who do not see it.
-        spec: Its specification in Vega-Lite's grammar. Rows whose field ``cells`` is a list of numbers lead to these
-            cells of the page's grid when clicked, rows with a field ``at`` to that moment of its replay.
+    Rows whose field ``cells`` is a list of numbers lead to these cells of the page's grid when clicked, rows with a
+    field ``at`` to that moment of its replay.
     """
 
     title: str
@@ -80,7 +77,6 @@ class Charts:
     """Charts that stand together on a page.
 
     Attributes:
-        charts: The charts.
         lines: Name and colour of each line, for the legend that they share; empty where they need none.
         note: What they show, with the kind of interval.
         hint: What a reader of the page may do with them.
@@ -111,16 +107,9 @@ def curves(
 ) -> Chart:
     """Return a chart of one line for each series with the band of its interval; points where the axis is categorical.
 
-    Args:
-        title: What is shown, with its unit; what ends in % has an axis to 100.
-        description: The same for those who do not see it.
-        x: Title of the horizontal axis, with its unit.
-        rows: Fields ``series``, ``place`` (a number or a word), ``mean``, ``low`` and ``high`` (None without an
-            interval), ``piece`` where lines have gaps, and what the tooltip tells.
-        lines: Name and colour of each series.
-        tooltip: Fields of the tooltip of a row, with their names.
-        limit: A horizontal line and what it says.
-        marks: Moments at which vertical lines stand, and what they say.
+    What ends in % has an axis to 100. Rows have the fields ``series``, ``place`` (a number or a word), ``mean``,
+    ``low`` and ``high`` (None without an interval), ``piece`` where lines have gaps, and what the tooltip tells, by its
+    names. ``limit`` is a horizontal line and what it says, ``marks`` are moments at which vertical lines stand.
     """
     places = list(dict.fromkeys(row["place"] for row in rows))
     in_words = any(isinstance(place, str) for place in places)
@@ -182,14 +171,7 @@ def _marked(marks: Sequence[tuple[float, str]]) -> list[Spec]:
 
 
 def spec_of(description: str, rows: Sequence[Row], layers: Sequence[Spec], height: int = 220) -> Spec:
-    """Return a specification as wide as its place.
-
-    Args:
-        description: What it shows, for those who do not see it.
-        rows: The data.
-        layers: What is drawn, from the bottom up.
-        height: Of the plot, in pixels.
-    """
+    """Return a specification as wide as its place, of layers from the bottom up, with a plot so many pixels high."""
     return {
         "$schema": SCHEMA,
         "description": description,
@@ -221,13 +203,7 @@ def tooltip_of(*columns: tuple[str, str]) -> list[Spec]:
 
 
 def draw_charts(group: Charts, title: str, path: Path) -> None:
-    """Draw charts as one picture with a heading and a legend; the same bytes each time.
-
-    Args:
-        group: The charts.
-        title: The heading.
-        path: The file; its ending, one of ``KINDS``, names the format.
-    """
+    """Draw charts as one picture with a heading and a legend, of a kind in ``KINDS``; the same bytes each time."""
     own = ("$schema", "autosize", "params", "config", "description")
     panels = [
         {name: value for name, value in chart.spec.items() if name not in own}

@@ -24,12 +24,9 @@ MOST_UNITS = 10_000
 
 @dataclass(frozen=True)
 class Effect:
-    """A difference b minus a.
+    """A difference b minus a, its standard error and how many independent units, not always whole, are behind it.
 
-    Attributes:
-        difference: The estimate; nan where there is nothing to estimate it from.
-        se: Its standard error; nan where the units are too few to tell.
-        units: Number of independent units behind it; not whole where it is an effective number.
+    The first is nan where there is nothing to estimate it from, the second where the units are too few to tell.
     """
 
     difference: float
@@ -52,16 +49,10 @@ class Effect:
         return float(2.0 * special.stdtr(self.units - 1.0, -abs(self.difference) / self.se))
 
     def units_to_decide(self, margin: float, tests: int, worsening: float) -> int | None:
-        """Return how many units would decide whether b is worse, in four cases of five if all else stays.
+        """Return how many units would decide whether b is worse than the margin, in four cases of five.
 
-        Args:
-            margin: By how much b may be worse.
-            tests: Number of tests that the level is shared by.
-            worsening: The difference, positive where b is worse.
-
-        Returns:
-            That number; None where the scatter is not known or the difference lies so close to the margin that more
-            than ten thousand would be needed.
+        All else stays as it is, and the level is shared by some tests; ``worsening`` is the difference, positive where
+        b is worse. None where the scatter is not known or more than ten thousand would be needed.
         """
         if not np.isfinite(self.se):
             return None
@@ -81,13 +72,8 @@ NOTHING = Effect(np.nan, np.nan, 0.0)
 def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArray) -> Effect:
     """Return the mean of b - a over pairs, whose errors are shared within a unit (a seed) and none between units.
 
-    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval.
-
-    Args:
-        a: Values of the first arm, shape (n,).
-        b: Values of the second on the same traffic, shape (n,).
-        stratum: Setting of each pair, such as its density, shape (n,).
-        unit: Independent unit of each pair, shape (n,).
+    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval; all arrays
+    are of shape (n,).
     """
     if not len(a):
         return NOTHING
@@ -97,14 +83,7 @@ def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArra
 def unpaired_effect(
     a: FloatArray, b: FloatArray, strata: tuple[IntArray, IntArray], units: tuple[IntArray, IntArray]
 ) -> Effect:
-    """Return the mean over strata of the difference of both arms' means, which ran on different seeds (Welch 1947).
-
-    Args:
-        a: Values of the first arm, shape (n,).
-        b: Values of the second, shape (m,).
-        strata: Setting of each value of a, shape (n,), and of b, shape (m,); only common ones count.
-        units: Independent unit of each value, same shapes.
-    """
+    """Return the mean over common strata of the difference of both arms' means, on different seeds (Welch 1947)."""
     common = np.intersect1d(*strata)
     if not len(common):
         return NOTHING
@@ -125,13 +104,9 @@ def unpaired_effect(
 def neighbours_effect(difference: float, influence: FloatArray, closeness: FloatArray) -> Effect:
     """Return a difference over vehicles of one run, of which those that drive together are not independent.
 
-    The variance is the sum of all products of two vehicles' influences, each weighted by how close the two are (Conley
-    1999): a vehicle counts in full with itself, and half with a vehicle of closeness one half.
-
-    Args:
-        difference: The estimate.
-        influence: What each vehicle adds to it, of mean 0, shape (n,).
-        closeness: Symmetric, 1 on the diagonal, down to 0 for vehicles that never meet, shape (n, n).
+    The variance is the sum of all products of two vehicles' influences (what each adds, of mean 0, shape (n,)), each
+    weighted by how close the two are (Conley 1999): a vehicle counts in full with itself, and half with one of
+    closeness one half, shape (n, n).
     """
     n = len(influence)
     # As many independent ones would leave a mean as uncertain as these n do that go in company. The second factor is

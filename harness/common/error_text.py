@@ -27,14 +27,7 @@ def nearest(key: str, known: Sequence[str]) -> str:
 
 
 class Problem(NamedTuple):
-    """The first thing that is wrong with a table of settings.
-
-    Attributes:
-        key: Where it is, keys joined by dots; empty for the table as a whole.
-        message: What is wrong, beginning with a small letter.
-        given: What stands there.
-        unknown: Whether there is no such key.
-    """
+    """The first thing that is wrong with a table of settings: its dotted key, in words, and what stands there."""
 
     key: str
     message: str

@@ -14,11 +14,7 @@ class RunError(Exception):
 
 
 class SumoError(RunError):
-    """SUMO failed.
-
-    Attributes:
-        reason: What it said.
-    """
+    """SUMO failed, for the reason that it said."""
 
     def __init__(self, reason: str) -> None:
         """Take what it said."""

@@ -60,12 +60,9 @@ def write_toml(path: Path, table: Mapping[str, Any], comment: str) -> None:
 
 
 def save_figure(figure: Any, path: Path, **options: Any) -> None:  # noqa: ANN401
-    """Save a matplotlib figure so that the file is there whole or as it was.
+    """Save a matplotlib figure so that the file is there whole or as it was; its ending names the format.
 
-    Args:
-        figure: The figure; of no stated type, since matplotlib is imported only where something is drawn.
-        path: The file; its ending names the format.
-        options: What ``savefig`` takes.
+    The figure has no stated type, since matplotlib is imported only where something is drawn.
     """
     with replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix.removeprefix("."), **options)

@@ -24,12 +24,9 @@ NONE = Interval(np.nan, np.nan)
 
 @dataclass(frozen=True)
 class Possible:
-    """Which values a mean can have.
+    """The least and the largest value that a mean can have.
 
-    Attributes:
-        least: The least.
-        most: The largest.
-        events: How many events one of the mean's sums stands for, where it is a rate of events; 0 where it is none.
+    ``events`` says how many events one of its sums stands for, where it is a rate of events; 0 where it is none.
     """
 
     least: float = 0.0
@@ -41,16 +38,11 @@ NONNEGATIVE, ANY = Possible(), Possible(-np.inf)
 
 
 def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible, exposure: float | None = None) -> Interval:
-    """Return the 95 % interval of the ratio of two totals over independent clusters.
+    """Return the 95 % interval of the ratio of two totals over independent clusters, of shape (clusters,).
 
-    Args:
-        sums: Sum of the values of each cluster, shape (clusters,).
-        counts: Number of values, or weight, behind each sum, same shape; clusters of none count nothing.
-        possible: Which values the mean can have.
-        exposure: What events could happen in, where that is not the total of ``counts``.
-
-    Returns:
-        The interval; nan bounds with fewer than two clusters, or where nothing is known of the scatter.
+    ``counts`` are numbers of values, or weights; clusters of none count nothing. ``exposure`` is what events could
+    happen in, where that is not the total of counts. Bounds are nan with fewer than two clusters, or where nothing is
+    known of the scatter.
     """
     known = counts > 0.0
     sums, counts = sums[known], counts[known]

@@ -47,13 +47,7 @@ _within: ContextVar[bool] = ContextVar("_within", default=False)
 
 @dataclass(frozen=True)
 class ProcessLimits:
-    """What a fork may use.
-
-    Attributes:
-        memory_bytes: Memory beyond what it begins with.
-        cpu_s: Processor time between two things that it tells.
-        file_bytes: Size of a file that it writes.
-    """
+    """What a fork may use: memory beyond what it begins with, processor time between two messages, size of a file."""
 
     memory_bytes: int = 1536 * MB
     cpu_s: int = 30
@@ -69,12 +63,7 @@ class ProcessLimits:
 
 
 def isolated(work: Callable[[], T], place: str, limits: ProcessLimits = ProcessLimits()) -> T:
-    """Return what work returns that is done in a fork without any rights.
-
-    Args:
-        work: The work; what it returns must be such that ``pickle`` takes it.
-        place: What is read, for messages: an option, or a file.
-        limits: What the fork may use.
+    """Return what work returns, such that ``pickle`` takes it, that is done in a fork without any rights.
 
     Raises:
         InputError: The work raises anything but a ``RunError``, crashes, or takes too much time or memory.
@@ -96,15 +85,8 @@ def streamed(
 ) -> Generator[T]:
     """Yield what work sends that is done in a fork, as ``isolated`` does it; within a fork it is done there.
 
-    Args:
-        work: The work, called with the function that sends; None says no more than that it goes on.
-        place: What is read, for messages.
-        limits: What the fork may use.
-        folders: The folders beneath which it may write; it works in the first.
-
-    Raises:
-        InputError: See ``isolated``.
-        RunError: See ``isolated``.
+    The work is called with the function that sends; None says no more than that it goes on. It may write beneath the
+    folders, and works in the first. Errors are those of ``isolated``.
     """
     if _within.get():
         told: list[T | None] = []
@@ -155,12 +137,8 @@ def trusted() -> Iterator[None]:
 def confine(folders: Sequence[Path], *, offline: bool = True) -> bool:
     """Take from this thread, and what it starts, the right to write but in some folders; it can't be given back.
 
-    Args:
-        folders: Where it may write.
-        offline: Whether it may neither start programs nor open connections.
-
-    Returns:
-        Whether the kernel has done so: Linux since 5.13, unless built or started without Landlock.
+    Offline it may neither start programs nor open connections. Returns whether the kernel has done so: Linux since
+    5.13, unless built or started without Landlock.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     version = libc.syscall(CREATE_RULESET, None, ctypes.c_size_t(0), ctypes.c_uint32(1))
@@ -265,12 +243,7 @@ def _renew_cpu(limits: ProcessLimits) -> None:
 
 
 def _next(reading: int, patience_s: float) -> tuple[str, Any]:
-    """Return the next message of a fork.
-
-    Raises:
-        TimeoutError: Nothing comes for so long.
-        EOFError: Nothing will come.
-    """
+    """Return the next message of a fork, or raise ``TimeoutError``, or ``EOFError`` where nothing will come."""
     (count,) = struct.unpack("Q", _read(reading, 8, patience_s))
     lengths = struct.unpack(f"{count}Q", _read(reading, 8 * count, patience_s))
     content, *arrays = (_read(reading, length, patience_s) for length in lengths)

@@ -13,11 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 def progress_bar(title: str, total: int, quiet: bool, before: str = "") -> Iterator[Callable[[], None]]:
     """Show a bar with the remaining time while the block runs; yields what to call after each step.
 
-    Args:
-        title: What is done step by step.
-        total: Number of steps.
-        quiet: Whether to show nothing.
-        before: What is done before the first step is; the title if empty.
+    Before the first step it says ``before``, or the title.
     """
     columns = (
         TextColumn("{task.description}"),

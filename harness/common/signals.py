@@ -19,11 +19,7 @@ _received: list[signal.Signals] = []
 
 
 class _ToldToEndError(KeyboardInterrupt):
-    """Raised by a signal.
-
-    Python ends a program by SIGINT, whatever its exit code, if a ``KeyboardInterrupt`` of exactly that class ever left
-    code that ``exec`` runs, as dataclasses do while modules are read.
-    """
+    """Raised by a signal; not by a plain ``KeyboardInterrupt``, which ends Python by SIGINT once it left ``exec``."""
 
 
 @contextmanager

@@ -25,9 +25,9 @@ def code_named(arguments: Sequence[str]) -> list[str]:
 
 
 def watched(arguments: Sequence[str], work: Callable[[], int]) -> int:
-    """Do the work of a command and return its exit code; in a child where the arguments name code.
+    """Do the work of a command and return its exit code; in a child, in its own group, if the arguments name code.
 
-    The child is a group of its own, to which signals that end or stop this process are handed on, once each.
+    Signals that end or stop this process are handed on to the child, once each.
     """
     named = code_named(arguments)
     if not named:

@@ -141,12 +141,7 @@ def parameter_of(key: str) -> str | None:
 
 
 def leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the values of nested tables with their dotted keys.
-
-    Args:
-        table: Tables within tables.
-        prefix: What stands before each key.
-    """
+    """Yield the values of nested tables with their dotted keys, each after a prefix."""
     for key, value in table.items():
         if isinstance(value, Mapping):
             yield from leaves(value, f"{prefix}{key}.")

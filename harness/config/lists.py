@@ -15,13 +15,8 @@ MOST_SEED = 2**31 - 1
 def numbers(text: str, parameter: str, example: str) -> tuple[float, ...]:
     """Return the numbers of ``START:STOP:STEP`` (both ends included) or of a list with commas.
 
-    Args:
-        text: What the user gave.
-        parameter: Parameter that it was given for, for the message.
-        example: A right text, for the message.
-
     Raises:
-        InputError: It is no such text, holds no number, one twice, or too many.
+        InputError: It is no such text, holds no number, one twice, or too many; the message names the parameter.
     """
     values = (
         _steps(text, parameter, example)
@@ -47,11 +42,7 @@ def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
 
 
 def seed_values(text: str, parameter: str = "seeds") -> range:
-    """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded.
-
-    Raises:
-        InputError: It is neither.
-    """
+    """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded, or raise an ``InputError``."""
     first, end = text.split(":", 1) if ":" in text else ("0", text)
     if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):
         raise InputError(

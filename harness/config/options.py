@@ -36,8 +36,7 @@ class Option:
         default: Value where it is not given; ``...`` if it must be.
         flag: How it is typed, where that is not its name with dashes.
         metavar: What stands for its value in ``--help``.
-        least: Smallest value.
-        most: Largest value.
+        least: Smallest value; ``most`` is the largest.
         is_argument: Whether its value is typed without its name.
         alone: Value where its name is typed without one; None if it needs one.
         earlier: How it was typed before, which still works and is not shown.
@@ -219,12 +218,7 @@ class RunOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Declared:
-    """One entry of a table of options.
-
-    Attributes:
-        types: The types that a value may have, None left out; the first is the command line's.
-        option: What is said of it.
-    """
+    """One entry of a table of options: the types that a value may have, None left out, the first the command line's."""
 
     types: tuple[Any, ...]
     option: Option
@@ -263,12 +257,7 @@ _KINDS: dict[Any, tuple[Any, str]] = {
 
 
 def checked(table: type, options: Mapping[str, object], call: str) -> dict[str, Any]:
-    """Return options as the rest of the package takes them: plain Python values, paths as the table has them.
-
-    Args:
-        table: The table of options.
-        options: Values by name; None where not given.
-        call: What was called, for the message.
+    """Return a call's options as the rest of the package takes them: plain Python values, paths as the table has them.
 
     Raises:
         InputError: There is no such option, or a value has the wrong type or is out of range.

@@ -9,16 +9,12 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 
 @dataclass(frozen=True)
 class Bodies:
-    """Vehicles other than the ego at all steps, struct of arrays of shape (m,), in the road frame.
+    """Vehicles other than the ego at all steps, struct of arrays of shape (m,), centres in the road frame.
 
     Attributes:
         step: Index of the step among those of the egos.
-        lon_m: Longitudinal position of the centre.
-        lat_m: Lateral position of the centre.
         speed_mps: Speed: along the road, or on a road in the plane along the body's own direction.
         direction_rad: In the plane, where it is heading; nan where that is not known.
-        length_m: Length.
-        width_m: Width.
         doubtful: Whether it is more likely no vehicle than one; None where all are sure.
     """
 
@@ -50,12 +46,7 @@ class Egos:
 
     Attributes:
         episode: Its stay; a new ego begins a new one.
-        lon_m: Longitudinal position of the centre.
-        lat_m: Lateral position of the centre.
-        speed_mps: Speed.
         lane: Number of its lane as in the truth, 0 off every lane.
-        length_m: Length.
-        width_m: Width.
         route: Indices of the lanes that its way goes by, of a driver's who is asked before it has driven it.
     """
 

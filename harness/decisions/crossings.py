@@ -22,13 +22,9 @@ SAME_END_M = 1.0
 
 @dataclass(frozen=True)
 class LaneChain:
-    """Consecutive lanes as one line.
+    """Consecutive lanes as one line, with each one's speed limit, shape (l,).
 
-    Attributes:
-        lanes: Their indices.
-        line: The line.
-        begins_m: Arc length of each lane's beginning, and of the last one's end, shape (l + 1,).
-        limit_mps: Speed limit of each, shape (l,).
+    ``begins_m`` is the arc length of each lane's beginning, and of the last one's end, shape (l + 1,).
     """
 
     lanes: tuple[int, ...]
@@ -61,13 +57,9 @@ class LaneChain:
 
 @dataclass(frozen=True)
 class Conflict:
-    """The place where a way with right of way meets the ego's.
+    """The place where a way with right of way, from its approach through the junction, meets the ego's.
 
-    Attributes:
-        way: That way, from its approach through the junction.
-        own_m: From where to where on the ego's way the place goes.
-        other_m: The same on the other way.
-        merges: Whether both leave the junction by the same lane.
+    It goes from where to where on either way, in metres; ``merges`` if both leave the junction by the same lane.
     """
 
     way: LaneChain
@@ -78,12 +70,7 @@ class Conflict:
 
 @dataclass(frozen=True)
 class Crossing:
-    """A place on the ego's way where it must yield.
-
-    Attributes:
-        stop_m: Arc length of the stop line on the ego's way.
-        conflicts: Where ways that have right of way meet it.
-    """
+    """A place on the ego's way where it must yield: arc length of the stop line, and the conflicts behind it."""
 
     stop_m: float
     conflicts: tuple[Conflict, ...]

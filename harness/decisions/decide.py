@@ -25,22 +25,14 @@ GENTLE_MPS2 = PARAMETERS.comfortable_decel_mps2
 
 @dataclass(frozen=True)
 class Decision:
-    """What a driver would do, and what by.
-
-    Attributes:
-        belief: What it took for real.
-        command: What it would do.
-    """
+    """What a driver would do, and the belief that it would do it by."""
 
     belief: Belief
     command: Command
 
 
 def driver_of(name: str) -> Driver:
-    """Return a fresh driver.
-
-    Args:
-        name: One of ``drivers``, or ``module:factory`` for one's own.
+    """Return a fresh driver of a name in ``drivers``, or of ``module:factory``.
 
     Raises:
         InputError: There is none of that name, or it can't be built.
@@ -63,12 +55,6 @@ def decide(driver: Driver, bodies: Bodies, egos: Egos, road: Road) -> Decision:
     """Return the driver's command at each step.
 
     The belief, and with it which gaps beside the ego are accepted, is of the bodies that are sure.
-
-    Args:
-        driver: The driver.
-        bodies: What it takes for real, or doubts.
-        egos: The ego, which it knows.
-        road: The lanes.
 
     Raises:
         ValueError: What it would do is no finite number at each step.
@@ -93,12 +79,7 @@ def decide_by(driver: Driver, belief: Belief) -> Decision:
 
 
 def with_doubt(sure: Decision, all_: Decision) -> FloatArray:
-    """Return the acceleration that a driver demands who doubts some bodies, shape (n,).
-
-    Args:
-        sure: Its decision by those alone that are sure.
-        all_: Its decision by all.
-    """
+    """Return the acceleration that a driver demands by a decision on what is sure and one on all bodies, shape (n,)."""
     gently = np.maximum(all_.command.accel_mps2, -GENTLE_MPS2)
     return np.asarray(np.minimum(sure.command.accel_mps2, gently))
 

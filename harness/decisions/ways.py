@@ -21,14 +21,7 @@ MOST_LANES = 64
 
 @dataclass(frozen=True)
 class PlacedBodies:
-    """Bodies along a way.
-
-    Attributes:
-        body: Which they are, shape (k,).
-        along_m: How far ahead of the ego each is, shape (k,).
-        across_m: How far left of the way's line, shape (k,).
-        speed_mps: Its speed along the way, shape (k,).
-    """
+    """Bodies along a way: which, how far ahead of the ego and left of the way, and their speeds along it, (k,)."""
 
     body: IntArray
     along_m: FloatArray
@@ -38,13 +31,9 @@ class PlacedBodies:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of straight pieces; arrays of shape (q,).
+    """A line of q straight pieces: where each begins and the step to its end, shape (q, 2), and its length, shape (q,).
 
-    Attributes:
-        xy: Where each piece begins, shape (q, 2).
-        step: From there to its end, shape (q, 2).
-        length_m: Its length.
-        along_m: Arc length up to its beginning.
+    ``along_m`` is the arc length up to its beginning, shape (q,).
     """
 
     xy: FloatArray
@@ -79,15 +68,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Ways:
-    """The way through the ego's own lane, or one beside it, at each of n steps.
+    """The way through the ego's own lane, or one beside it, at each of n steps; arrays of shape (n,).
 
-    Attributes:
-        exists: Whether there is one, shape (n,).
-        half_width_m: Half its lane's width, shape (n,).
-        ego_across_m: How far left of it the ego is, shape (n,).
-        ego_along_m: Arc length of the ego on it, shape (n,).
-        line: Which of ``lines`` it is, shape (n,).
-        lines: The lines.
+    ``ego_across_m`` is how far left of it the ego is, ``ego_along_m`` the ego's arc length on it, ``line`` which of
+    ``lines`` it is.
     """
 
     exists: BoolArray

@@ -30,12 +30,7 @@ UNSEEN_LENGTH_M = UnseenOptions().length_m
 
 @dataclass(frozen=True)
 class TimeWindows:
-    """When vehicles may be at a place, seconds from now, shape (k,); infinite for never.
-
-    Attributes:
-        enter_s: From when.
-        leave_s: Until when.
-    """
+    """From when until when vehicles may be at a place, seconds from now, shape (k,); infinite for never."""
 
     enter_s: FloatArray
     leave_s: FloatArray
@@ -43,14 +38,7 @@ class TimeWindows:
 
 @dataclass(frozen=True)
 class EgoPath:
-    """The ego's route at one moment: its place on it, and its motion if the way is free.
-
-    Attributes:
-        way: The way.
-        along_m: Arc length of the ego's centre.
-        speed_mps: Its speed.
-        length_m: Its length.
-    """
+    """The ego's way at one moment: the arc length of its centre, its speed and its length."""
 
     way: LaneChain
     along_m: float
@@ -107,16 +95,10 @@ def windows_of(
     length_m: FloatArray,
     limit_mps: FloatArray,
 ) -> TimeWindows:
-    """Return when vehicles may be at a place of their way.
+    """Return when vehicles may be at a place of their way, from where to where it goes; arrays of shape (k,).
 
-    They come as early as they can if they speed up to the limit, and leave as late as they do if they go on as now.
-
-    Args:
-        place_m: From where to where it goes.
-        along_m: Arc lengths of their centres, shape (k,).
-        speed_mps: Their speeds.
-        length_m: Their lengths.
-        limit_mps: Speed limits where they are.
+    They come as early as they can if they speed up to the limit where they are, and leave as late as they do if they go
+    on as now.
     """
     to_enter = np.maximum(place_m[0] - 0.5 * length_m - along_m, 0.0)
     to_leave = place_m[1] + 0.5 * length_m - along_m

@@ -39,15 +39,7 @@ Message = dict[str, Any]
 
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
-    """Write ``autoware.mcap``; its topics are ``TOPICS``.
-
-    Args:
-        run: A finished run.
-        folder: An existing folder.
-
-    Returns:
-        The file.
-    """
+    """Write ``autoware.mcap``, whose topics are ``TOPICS``, into the folder and return it."""
     clock, tf, detection, tracking = TOPICS
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     poses = dict(zip(ego["step"].tolist(), np.column_stack(run.in_plane(ego)).tolist(), strict=True))

@@ -64,16 +64,10 @@ def export_run(
     tell: Callable[[str], object] = str,
     packed: bool = False,
 ) -> list[Path]:
-    """Write a run in a format and return the files.
+    """Write a finished run, or a grid for ``OF_FOLDERS``, in a format and return the files, perhaps packed by gzip.
 
-    Args:
-        folder: A finished run's folder; of ``OF_FOLDERS`` also a grid's.
-        name: One of ``export_formats``, or the place of another package's.
-        out: Folder to write; by default ``export/<format>`` in the run's folder, which may be replaced. Of ``fcd`` also
-            a file, ``.xml`` or ``.xml.gz``.
-        force: Whether an earlier export in ``out`` may be replaced.
-        tell: Called with a line about what is replaced.
-        packed: Whether the files are packed by gzip.
+    The folder is by default ``export/<format>`` in the run's, which may be replaced, as an earlier export in ``out``
+    may by ``force``; ``tell`` is called with a line about that. Of ``fcd`` it may be a file, ``.xml`` or ``.xml.gz``.
 
     Raises:
         InputError: There is no such format, the package's part for it is not installed, the folder is no finished

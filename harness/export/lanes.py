@@ -22,13 +22,7 @@ NO_STRIP = -1
 
 @dataclass(frozen=True)
 class LanePolyline:
-    """A line along the road.
-
-    Attributes:
-        side_m: Lateral position.
-        start_m: Longitudinal position of its begin.
-        end_m: That of its end.
-    """
+    """A line along the road at a lateral position, from begin to end."""
 
     side_m: float
     start_m: float
@@ -45,15 +39,7 @@ class LanePolyline:
 
 @dataclass(frozen=True)
 class LaneStrip:
-    """A lane between two lines.
-
-    Attributes:
-        lane: The lane.
-        left: Number of its left line among all lines.
-        right: Number of its right line.
-        left_neighbours: Strips that lie against it on its left, by number.
-        right_neighbours: Those on its right.
-    """
+    """A lane between two of the lines and the strips that lie against it on either side, by number."""
 
     lane: Lane
     left: int
@@ -64,13 +50,7 @@ class LaneStrip:
 
 @dataclass(frozen=True)
 class DrivenLanes:
-    """The lanes of a stretch of road.
-
-    Attributes:
-        lines: Every line once, however many lanes it bounds.
-        strips: The lanes, from left to right.
-        road: The road.
-    """
+    """The lanes of a stretch of road from left to right, and every line once, however many lanes it bounds."""
 
     lines: tuple[LanePolyline, ...]
     strips: tuple[LaneStrip, ...]

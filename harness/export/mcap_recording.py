@@ -43,18 +43,7 @@ About = Mapping[str, str]
 
 @dataclass(frozen=True)
 class _Boxes:
-    """Boxes of one kind at all steps, struct of arrays of shape (n,) with their place, size and texts.
-
-    Attributes:
-        rows: Rows of each step.
-        place: Middle and heading in the plane, shape (n, 3).
-        size_m: Length and width, shape (n, 2).
-        name: What each is called; it stays with it from step to step.
-        colour: As #rrggbb.
-        alpha: Opacity of all.
-        about: What is told of a row where it is clicked on.
-        label: Whether the name stands above.
-    """
+    """Boxes of one kind at all steps, struct of arrays of shape (n,); ``place`` is middle and heading, (n, 3)."""
 
     rows: Mapping[int, Sequence[int]]
     place: FloatArray

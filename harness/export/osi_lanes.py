@@ -22,12 +22,9 @@ LINE_WIDTH_M = 0.15
 
 @dataclass(frozen=True)
 class OsiLanes:
-    """Lanes and boundaries with their identifiers, which no vehicle has.
+    """Lanes and boundaries with identifiers that no vehicle has, and what each message of ground truth has of them.
 
-    Attributes:
-        lanes: The lanes.
-        first_id: Identifier of the first lane; the boundaries' come after the lanes'.
-        content: What each message of the ground truth holds of them.
+    The first lane's identifier is ``first_id``; the boundaries' come after the lanes'.
     """
 
     lanes: DrivenLanes

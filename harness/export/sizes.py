@@ -23,11 +23,7 @@ NOMINAL_M = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
 
 @dataclass(frozen=True)
 class TrackSizes:
-    """Length and width by episode and track.
-
-    Attributes:
-        table: Columns ``length_m`` and ``width_m``, indexed by ``episode`` and ``track_id``.
-    """
+    """Columns ``length_m`` and ``width_m``, indexed by ``episode`` and ``track_id``."""
 
     table: pd.DataFrame
 

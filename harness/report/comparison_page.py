@@ -63,12 +63,7 @@ def first_failure(why: Why) -> tuple[float, str] | None:
 def differences(
     a: RecordedRun, b: RecordedRun, failures: tuple[Sequence[TrackFailure], Sequence[TrackFailure]]
 ) -> pd.DataFrame:
-    """Return where two trackers on the same detections differ.
-
-    Args:
-        a: The first run.
-        b: The second.
-        failures: The failures of each.
+    """Return where two trackers on the same detections differ, given the failures of each.
 
     Returns:
         A row with ``step``, ``vehicle_id``, ``kind`` and ``side`` for each difference and step: ``UNFOLLOWED`` where

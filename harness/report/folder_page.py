@@ -36,11 +36,7 @@ MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 
 def write_page(folder: Path, parameter: str = "folder") -> Path:
-    """Write ``report.html`` into a folder of results and return the page.
-
-    Args:
-        folder: A run's folder, or one with Markdown tables, ``runs.parquet`` or pictures.
-        parameter: Parameter that named it, for the message.
+    """Write ``report.html`` into a run's folder, or one with Markdown tables, ``runs.parquet`` or pictures; return it.
 
     Raises:
         InputError: There is no such folder, the run in it did not end or is broken, or nothing in it can be shown.

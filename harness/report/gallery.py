@@ -77,12 +77,9 @@ class OcclusionEvent:
     """One occlusion of a tracked vehicle, until it is seen again.
 
     Attributes:
-        vehicle_id: The vehicle.
         track_id: The track that held it before, -1 if none.
         outcome: ``lost``, ``hijacked``, ``survived`` (alive, but not on the vehicle) or ``same_id``.
-        from_step: Step of the last detection before.
-        to_step: Step of the first detection after.
-        duration_s: Time between the two.
+        from_step: Step of the last detection before; ``to_step`` is that of the first after.
         largest_error_m: Largest distance between the vehicle and that track in between; nan if none was measured.
     """
 

@@ -36,12 +36,7 @@ MOST_LISTED = 2_000
 
 @dataclass(frozen=True)
 class CellOfRuns:
-    """The runs of one tracker in one traffic and setting.
-
-    Attributes:
-        name: Tracker and setting in words.
-        table: One row a seed, with its scores and its page, or the command that makes it again.
-    """
+    """The runs of one tracker in one setting: a row a seed, with its scores and its page, or its command."""
 
     name: str
     table: Markup
@@ -54,11 +49,10 @@ class RunsOfGrid:
     Attributes:
         about: What was run, in words.
         metric: What the overview shows, with its unit.
-        overview: One row a tracker, one column a setting; each value leads to its cell.
-        cells: The cells, in the order of the overview's links.
+        overview: One row a tracker, one column a setting; each value leads to its cell, in the order of ``cells``.
         left_out: How many runs are not listed.
-        charts: The curves over each axis, by its name in words, whose points lead to the cells; empty where the grid
-            has none.
+        charts: The curves over each axis, by its name in words, whose points lead to the cells; empty where there are
+            none.
     """
 
     about: str

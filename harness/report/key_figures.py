@@ -37,11 +37,8 @@ def key_figures(run: RecordedRun) -> Markup:
 def coasting_errors_m(run: RecordedRun) -> FloatArray:
     """Return how far off hidden vehicles are predicted at constant velocity from where they were last detected.
 
-    Each prediction starts from the vehicle's true state at that step, and is never given up.
-
-    Returns:
-        Distances in metres at all steps at which a vehicle that was seen is hidden, at most the cut-off of the hidden
-        cost, shape (n,).
+    Each prediction starts from the vehicle's true state at that step, and is never given up. There is a distance in
+    metres for each step at which a vehicle that was seen is hidden, at most the cut-off of the hidden cost, shape (n,).
     """
     hidden = run.errors[(run.errors["state"].astype(object) == "hidden").to_numpy()]
     since_s = floats(hidden, "seconds_hidden")

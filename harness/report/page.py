@@ -44,12 +44,7 @@ OVER_TIME_WORDS = "Mean absolute error over time for visible, partly hidden and 
 
 @dataclass(frozen=True)
 class PageFigure:
-    """A picture on a page.
-
-    Attributes:
-        source: The picture itself, as a data address.
-        description: What it shows, for those who do not see it.
-    """
+    """A picture on a page, as a data address, and what it shows, for those who do not see it."""
 
     source: str
     description: str
@@ -60,15 +55,7 @@ BEFORE_S = 1.0
 
 @dataclass(frozen=True)
 class PictureStrip:
-    """One strip of a gallery.
-
-    Attributes:
-        source: The picture itself, as a data address.
-        sentence: What happened.
-        vehicle_id: The vehicle.
-        time_s: Where the replay begins.
-        until_s: Where it stops.
-    """
+    """One strip of a gallery: the picture, as a data address, what happened, and from when to when it is replayed."""
 
     source: str
     sentence: str
@@ -79,10 +66,6 @@ class PictureStrip:
 
 def write_run_page(folder: Path, parameter: str = "folder") -> Path:
     """Write ``report.html`` and the failure gallery's figures into a finished run's folder, and return the page.
-
-    Args:
-        folder: The folder.
-        parameter: Parameter that named it, for the message.
 
     Raises:
         InputError: It is no finished run's folder, or one of its files is missing or broken.
@@ -96,11 +79,7 @@ def write_run_page(folder: Path, parameter: str = "folder") -> Path:
 
 
 def page_of(folder: Path, parameter: str) -> Path:
-    """Return where a folder's page goes.
-
-    Raises:
-        InputError: Somebody else's page is there.
-    """
+    """Return where a folder's page goes; somebody else's page there is an ``InputError``."""
     page = folder / PAGE
     if page.exists() and (not page.is_file() or (page.stat().st_size and MARK not in page.read_bytes())):
         raise InputError(f"`{parameter}`: {page} was not made by this program; give it another name")
@@ -151,12 +130,9 @@ def run_page(run: RecordedRun) -> str:
 def replay_parts(
     run: RecordedRun, beside: SecondRun | None = None, sides: tuple[tuple[str, str], ...] = ()
 ) -> dict[str, object]:
-    """Return what the templates of the replay need.
+    """Return what the templates of the replay need, perhaps of another tracker too, in a pane of its own.
 
-    Args:
-        run: The run.
-        beside: Another tracker on the same detections, in a pane of its own.
-        sides: Heading of each pane and where its run lies; empty where there is one pane.
+    ``sides`` has the heading of each of two panes and where its run lies.
     """
     runs = (run,) if beside is None else (run, beside.run)
     return {

@@ -31,13 +31,8 @@ SALT = "mmpf-harness"
 def write_pictures(folder: Path, kind: str, parameter: str = "figures") -> list[Path]:
     """Draw the figures of a run or of a stress test's curves into ``figures/`` of its folder, and return them.
 
-    Args:
-        folder: The folder.
-        kind: ``png``, ``svg`` or ``pdf``.
-        parameter: Parameter that named the kind, for the message.
-
     Raises:
-        InputError: Another kind, or nothing in the folder is drawn anew.
+        InputError: The kind is none of ``png``, ``svg`` and ``pdf``, or nothing in the folder is drawn anew.
     """
     if kind not in KINDS:
         raise InputError(f"`{parameter}` {kind}: no such kind of picture; choose one of {', '.join(KINDS)}")

@@ -42,11 +42,8 @@ OF_TRACKER = ("error", "track", "outcome")
 class SecondRun:
     """A second tracker on the same detections.
 
-    Attributes:
-        run: Its run; truth and detections are those of the first.
-        marks: Where the two differ: columns ``step``, ``vehicle_id``, ``kind`` and ``side``, 0 or 1 for the one that is
-            worse there, sorted by step.
-        opens_at: Time in seconds and vehicle at which the replay opens; None for its beginning.
+    ``marks`` tell where the two differ: columns ``step``, ``vehicle_id``, ``kind`` and ``side``, 0 or 1 for the one
+    that is worse there, sorted by step. ``opens_at`` is the time in seconds and vehicle at which the replay opens.
     """
 
     run: RecordedRun
@@ -55,15 +52,11 @@ class SecondRun:
 
 
 def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, Any]:
-    """Return what the replay shows, ready for JSON.
+    """Return what the replay shows of a run, perhaps with another tracker, ready for JSON.
 
-    Positions are in the road frame, metres, as 32-bit floats; headings in units of 1e-4 rad; errors, sizes and
-    standard deviations in centimetres; speeds in decimetres a second. A run too long for a page is shown in every
-    second, third, ... step.
-
-    Args:
-        run: The run.
-        beside: Another tracker on the same detections, which is shown beside it.
+    Positions are in the road frame, metres, as 32-bit floats; headings in units of 1e-4 rad; errors, sizes and standard
+    deviations in centimetres; speeds in decimetres a second. A run too long for a page is shown in every second, third,
+    ... step.
     """
     reach_m = run.sensor.range_m + BEYOND_RANGE_M
     kept_truth = run.truth[_near_ego(run.truth, reach_m, run.road)]

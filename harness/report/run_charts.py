@@ -36,8 +36,7 @@ DIAGNOSTIC_COLUMNS = ("time_s", "episode", *(column for column, _, _ in LEVELS))
 def error_charts(errors: pd.DataFrame) -> Charts:
     """Return the mean absolute error in each stretch of time, one chart a quantity, one line a visibility.
 
-    Args:
-        errors: The rows of ``errors.parquet``; those of vehicles that no track follows are left out.
+    Rows of ``errors.parquet`` of vehicles that no track follows are left out.
     """
     tracked = errors[errors["outcome"] == "tracked"]
     width_s = stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
@@ -76,11 +75,7 @@ def diagnostics_of(run: RecordedRun) -> pd.DataFrame | None:
 
 
 def diagnostics_charts(diagnostics: pd.DataFrame) -> Charts:
-    """Return what went on in a particle filter: means in stretches of time with the least and the greatest step.
-
-    Args:
-        diagnostics: The rows of ``diagnostics.parquet``.
-    """
+    """Return what went on in a particle filter: means in stretches of time with the least and the greatest step."""
     width_s = stretch_s(float(diagnostics["time_s"].max() - diagnostics["time_s"].min()))
     # An ego's first scan starts a component for every detection, which would dwarf all that follows.
     later = diagnostics[diagnostics["episode"].duplicated()]

@@ -44,15 +44,9 @@ MARGIN_M = 2.5
 
 @dataclass(frozen=True)
 class PictureScene:
-    """One moment on the road.
+    """One moment on the road: truth, what the sensor made of it, and the tracker of that, and the sensor's range.
 
-    Attributes:
-        frame: The truth.
-        observation: What the sensor made of it.
-        tracks: What the tracker made of that.
-        road: The lanes.
-        range_m: The sensor's range.
-        particles: Longitudinal and lateral position of every particle, shape (2, n); None of a tracker without any.
+    ``particles`` are the longitudinal and lateral positions, shape (2, n); None of a tracker without any.
     """
 
     frame: Frame

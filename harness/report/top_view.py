@@ -35,12 +35,9 @@ DRIVING_RIGHT, NORTH_UP = "driving direction →", "north is up"
 
 @dataclass(frozen=True)
 class Subject:
-    """What pictures are about.
+    """What pictures are about: a vehicle, empty where a track is of nobody, and a track, -1 for none.
 
-    Attributes:
-        vehicle_id: The vehicle; empty where a track is of nobody.
-        track_id: The track, -1 for none.
-        with_ego: Whether the picture is moved towards the ego as far as the subject stays in it.
+    ``with_ego`` says whether the picture is moved towards the ego as far as the subject stays in it.
     """
 
     vehicle_id: str

@@ -24,12 +24,9 @@ HEADINGS = (
 
 @dataclass(frozen=True)
 class VehicleTable:
-    """The table of vehicles.
+    """The table of vehicles, the costliest first; names lead to their worst moments in the replay.
 
-    Attributes:
-        table: One row a vehicle, the costliest first; its name leads to its worst moment in the replay.
-        left_out: How many vehicles are not listed.
-        cutoff_m: What a hidden vehicle costs whose own track does not follow it.
+    ``cutoff_m`` is what a hidden vehicle costs whose own track does not follow it; ``left_out`` are not listed.
     """
 
     table: Markup
@@ -38,13 +35,7 @@ class VehicleTable:
 
 
 def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> VehicleTable | None:
-    """Return the table; None where no vehicle was ever detected.
-
-    Args:
-        errors: The rows of ``errors.parquet``.
-        events: The rows of ``occlusions.parquet``.
-        step_s: Length of a step.
-    """
+    """Return the table from the rows of ``errors.parquet`` and ``occlusions.parquet``; None if nobody was detected."""
     if not len(errors):
         return None
     cutoff_m = ScoringSettings().follow_cutoff_m

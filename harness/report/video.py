@@ -35,13 +35,7 @@ LEGEND = (
 
 @dataclass(frozen=True)
 class _PictureRow:
-    """A stretch of road in the picture, which pixels are ``SMOOTH`` times the film's.
-
-    Attributes:
-        draw: Where to draw.
-        origin_m: Longitudinal and lateral position at the upper left corner.
-        scale: Pixels a metre.
-    """
+    """A stretch of road in the picture, which pixels are ``SMOOTH`` times the film's, from its upper left corner on."""
 
     draw: ImageDraw.ImageDraw
     origin_m: tuple[float, float]
@@ -57,14 +51,8 @@ class _PictureRow:
 def write_video(folder: Path, path: Path, force: bool = False) -> Path:
     """Write a run as an MP4 film in its own time and return the file.
 
-    Args:
-        folder: A finished run's folder.
-        path: File to write, ending in ``.mp4``.
-        force: Whether an existing file may be replaced.
-
     Raises:
-        InputError: The folder is no finished run's, the file exists or does not end in ``.mp4``, or the part of the
-            package that writes films is not installed.
+        InputError: The folder is no finished run's, or see ``check_film``.
     """
     check_film(path, force)
     import imageio_ffmpeg  # noqa: PLC0415

@@ -21,17 +21,10 @@ TWO_WHEELER_M, LORRY_M = 3.0, 7.5
 
 @dataclass(frozen=True)
 class Withheld:
-    """A vehicle in plain view without a track.
+    """A vehicle in plain view without a track, from when to when, how near the ego it came, and for how long.
 
-    Attributes:
-        vehicle_id: The vehicle.
-        dropped: Whether it had a track before; else it was never reported.
-        from_s: When the time without a track begins.
-        to_s: When it ends.
-        closest_m: Its least distance from the ego meanwhile.
-        without_track_s: Time in plain view without a track.
-        detected_percent: Share of these scans with a detection of it.
-        length_m: Its length; nan where it is not known.
+    It was never reported, or dropped if it had a track before. ``detected_percent`` is the share of these scans with a
+    detection of it; ``length_m`` is nan where it is not known.
     """
 
     vehicle_id: str

@@ -98,12 +98,7 @@ def _put_together(parts: Sequence[Path], final: Path) -> None:
 
 
 def sampled_rows(path: Path, most_rows: int) -> pd.DataFrame:
-    """Return the rows of a table: all, or, of a long one, those of every second, third, ... step.
-
-    Args:
-        path: The table's file; it has a column ``step``.
-        most_rows: About how many rows there are at most.
-    """
+    """Return the rows of a table: all, or, of a long one, about so many: those of every second, third, ... step."""
     with pq.ParquetFile(path) as file:
         stride = 1 + file.metadata.num_rows // most_rows
         pieces = [_every(file.read_row_group(group), stride) for group in range(file.num_row_groups)]

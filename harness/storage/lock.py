@@ -19,11 +19,7 @@ NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 @dataclass(frozen=True)
 class FolderLock:
-    """A lock that is held until it is released or the process ends.
-
-    Attributes:
-        path: The file that is locked; nothing in it matters, and one that a killed process left locks nobody out.
-    """
+    """A lock on a file, held until released or the process ends; one left by a killed process locks nobody out."""
 
     path: Path
     _file: IO[bytes]
@@ -54,12 +50,7 @@ def remove_stale_locks(parent: Path) -> None:
 
 
 def _take(path: Path, folder: Path, parameter: str) -> FolderLock:
-    """Take a lock.
-
-    Raises:
-        InputError: Another process, or another run in this one, holds it.
-        OSError: The file can't be made.
-    """
+    """Take a lock, or raise an ``InputError`` where another process, or another run in this one, holds it."""
     while True:
         # Nobody's file is written through a link, and a pipe of that name keeps nobody waiting.
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o666)

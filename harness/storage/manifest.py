@@ -26,13 +26,11 @@ class RunFacts:
     """Facts about a run or grid apart from software and machine.
 
     Attributes:
-        status: ``complete``, ``interrupted`` or ``failed``.
+        status: ``complete``, ``interrupted`` or ``failed``; ``problem`` is what ended it, if not itself.
         command: What the user typed.
-        seed: Root seed.
         steps: Finished steps; of a grid, finished runs.
         inputs: SHA-256 of each input file.
         wall_times_s: Wall time of each phase.
-        problem: What ended the run, if it did not end by itself.
         rows: Rows of each of the run's tables, by file.
         code: SHA-256 of the code that decides results, by package or module.
         files: SHA-256 of each file of results, by which one that was edited is recognised.
@@ -95,11 +93,7 @@ def hashes_of(folder: Path) -> dict[str, str]:
 
 
 def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str) -> None:
-    """Refuse a folder whose results are not those that its run or grid wrote; one that noted no hashes says nothing.
-
-    Raises:
-        InputError: A file was edited.
-    """
+    """Refuse, by an ``InputError``, a folder with an edited file; one that noted no hashes says nothing."""
     noted = manifest.get(FILES)
     for name, digest in noted.items() if isinstance(noted, dict) else ():
         path = folder / Path(str(name)).name

@@ -52,13 +52,10 @@ NARROWEST_LANE_M = 0.5
 
 @dataclass(frozen=True)
 class PendingFolder:
-    """A run folder that is being written.
+    """A run folder that is being written at ``path``, and gets its ``final`` name once finished.
 
-    Attributes:
-        path: Where files are written now.
-        final: The name that a finished run gets.
-        force: Whether it may replace an earlier run there.
-        lock: Keeps other processes off the final name; None where nobody asked for that name.
+    ``force`` says whether it may replace an earlier run there; ``lock`` keeps other processes off that name, None where
+    nobody asked for it.
     """
 
     path: Path
@@ -110,13 +107,10 @@ class PendingFolder:
 
 
 def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFolder:
-    """Make a folder for a new run.
+    """Make a folder for a new run, which may replace an earlier one by ``force``.
 
-    Args:
-        out: Where the user wants it. Without it the run lands in ``results/<default_name>``, or in
-            ``<default_name>-2``, ``-3``, ... where that is taken.
-        default_name: Name for a run without ``out``.
-        force: Whether an earlier run in ``out`` may be replaced.
+    Without ``out`` the run lands in ``results/<default_name>``, or in ``<default_name>-2``, ``-3``, ... where that is
+    taken.
 
     Raises:
         InputError: The folder exists and may not be replaced, can't be written, or another process is writing it.
@@ -169,11 +163,7 @@ def is_run_folder(path: Path) -> bool:
 
 
 def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the manifest of a run folder.
-
-    Raises:
-        InputError: The folder is not a run's folder, or the run did not end.
-    """
+    """Return the manifest of a run folder, or raise an ``InputError`` where it is none or the run did not end."""
     try:
         manifest = json.loads(read_text(folder / MANIFEST, parameter))
     except (OSError, ValueError, RecursionError):
@@ -187,11 +177,7 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
 
 
 def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the recorded configuration of a run folder as a nested table.
-
-    Raises:
-        InputError: It can't be read.
-    """
+    """Return the recorded configuration of a run folder as a nested table, or raise an ``InputError``."""
     try:
         return tomllib.loads(read_text(folder / CONFIG, parameter))
     except (OSError, ValueError, RecursionError) as error:
@@ -201,14 +187,9 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
 def read_table(
     folder: Path, name: str, parameter: str, columns: Collection[str] | None = None, until: Until | None = None
 ) -> pd.DataFrame:
-    """Return one of the tables of a run folder.
+    """Return one of the tables of the run folder that a parameter named, or its rows ``until`` a step.
 
-    Args:
-        folder: The run folder.
-        name: File name of the table.
-        parameter: Parameter that named the folder, for the message.
-        columns: Columns that it must have, whose content is checked; None for all that its kind of table has.
-        until: The rows that are wanted; None for all.
+    Its content is checked; it must have the given columns, by default all that its kind of table has.
 
     Raises:
         InputError: It is missing, truncated, not parquet, lacks columns, or is not as the run left it.
@@ -243,15 +224,7 @@ def write_road(road: Road, path: Path) -> None:
 
 
 def read_road(path: Path, parameter: str) -> Road:
-    """Return the road that a file holds.
-
-    Args:
-        path: The file.
-        parameter: Parameter that named it, for the message.
-
-    Raises:
-        InputError: The file is missing or broken.
-    """
+    """Return the road in the file that a parameter named, or raise an ``InputError`` where it is missing or broken."""
     check_file(path, parameter)
     return isolated(partial(_road, path, parameter), f"`{parameter}`: {path}", ProcessLimits.for_files([path]))
 

@@ -37,8 +37,6 @@ class Column:
 
     Attributes:
         type: ``int64``, ``float64``, ``float32``, ``bool`` or ``string``, as Arrow names them.
-        name: Its name.
-        meaning: What it holds.
         unit: Unit; empty for a word, a count or a pure number.
         absent: What it means that a table lacks the column; empty where every table has it.
         trackers: Whether trackers get it, or made it; everything else is for scoring alone.
@@ -65,13 +63,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a folder.
-
-    Attributes:
-        meaning: What a row is.
-        columns: Its columns in their order.
-        in_order: Whether its rows must be in the order of time.
-    """
+    """A table of a folder: what a row is, its columns in their order, and whether rows must be in the order of time."""
 
     meaning: str
     columns: tuple[Column, ...]

@@ -46,12 +46,7 @@ class ParticleCloud:
         return np.searchsorted(self.component, np.arange(components + 1))
 
     def take(self, particles: IntArray, component: IntArray) -> ParticleCloud:
-        """Return the chosen particles under new component indices, weights unchanged.
-
-        Args:
-            particles: Indices of the particles to keep, shape (k,).
-            component: Their components' new indices, ascending, shape (k,).
-        """
+        """Return the chosen particles, (k,), under new ascending component indices, (k,), weights unchanged."""
         return ParticleCloud(
             state=self.state.take(particles, axis=1),
             log_weight=self.log_weight[particles],
@@ -64,13 +59,7 @@ class ParticleCloud:
     def stretches(
         self, stretches: list[slice], component: IntArray, then: ParticleCloud | None = None
     ) -> ParticleCloud:
-        """Return ranges of particles in order, then another cloud's, weights unchanged.
-
-        Args:
-            stretches: Particles to keep.
-            component: New component indices of all, ascending.
-            then: What to put behind.
-        """
+        """Return ranges of particles in order, then another cloud's, under new ascending indices, weights unchanged."""
 
         def one_after_the_other(name: str) -> FloatArray:
             values = getattr(self, name)
@@ -96,13 +85,9 @@ class Components:
         track_id: Identity that is reported.
         existence: Probability that there is something that gives detections.
         confirmed: Whether the component is reported as a track.
-        hits: Scans in which a detection was attributed to it.
+        hits: Scans in which a detection was attributed to it; ``unseen_s`` is the time since the last.
         age_s: Time since its birth.
-        unseen_s: Time since its last hit.
-        length_m: Estimated length of the vehicle.
-        width_m: Estimated width.
-        std_length_m: Standard deviation of the length.
-        std_width_m: Standard deviation of the width.
+        length_m: Estimated length of the vehicle, with its deviation, as of its width.
     """
 
     track_id: IntArray
@@ -144,13 +129,7 @@ class Components:
 
     @classmethod
     def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Self:
-        """Return components of their first scan, one detection each.
-
-        Args:
-            track_id: Their identities, shape (m,).
-            existence: Their existence probabilities, shape (m,).
-            vehicle: Their sizes as far as is known before any is measured.
-        """
+        """Return components of their first scan, one detection each, with sizes as known before any is measured."""
         zeros = np.zeros(len(track_id), dtype=np.int64)
         return cls(
             track_id=track_id,
@@ -170,11 +149,7 @@ class Components:
 class Mixture:
     """The filter's whole belief: equation (8) with its bookkeeping.
 
-    Attributes:
-        cloud: The particles.
-        components: What is kept of each component.
-        next_track_id: The identity that the next new component gets.
-        has_headings: Whether the last row of the latents is each particle's direction, as on a lane graph.
+    ``has_headings`` says whether the last row of the latents is each particle's direction, as on a lane graph.
     """
 
     cloud: ParticleCloud
@@ -208,13 +183,7 @@ class Mixture:
         return replace(self, cloud=self._kept_cloud(keep), components=taken(self.components, keep))
 
     def keep_and_join(self, keep: BoolArray, cloud: ParticleCloud, components: Components) -> Self:
-        """Return the belief with the kept components, followed by further ones.
-
-        Args:
-            keep: Which components stay, shape (m,).
-            cloud: Particles of the k further ones, which it counts from zero.
-            components: The further ones, k of them.
-        """
+        """Return the belief with the kept components, (m,), then further ones, which their cloud counts from zero."""
         return replace(
             self,
             cloud=self._kept_cloud(keep, cloud),

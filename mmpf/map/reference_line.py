@@ -17,11 +17,9 @@ STRAIGHT = ((0.0, 0.0), (1.0, 0.0))
 
 @dataclass(frozen=True)
 class ReferenceLine:
-    """A line of straight pieces, which goes on straight beyond its ends.
+    """A line of two straight pieces or more, which goes on straight beyond its ends; metres.
 
-    Attributes:
-        points_xy: Its points (x, y), metres, at least two.
-        start_m: Longitudinal position of the first, metres.
+    ``start_m`` is the longitudinal position of its first point.
     """
 
     points_xy: tuple[tuple[float, float], ...] = STRAIGHT

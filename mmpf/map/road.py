@@ -51,13 +51,7 @@ class Lane:
 
 
 class LaneLine(NamedTuple):
-    """A lane of any shape.
-
-    Attributes:
-        xy: Points of its middle line, metres, shape (p, 2).
-        width_m: Its width.
-        in_junction: Whether it is a path across a junction.
-    """
+    """A lane of any shape: its middle line in metres, shape (p, 2), its width, and whether it crosses a junction."""
 
     xy: FloatArray
     width_m: float
@@ -137,10 +131,7 @@ class Road(Protocol):
         ...
 
     def to_stop_line_m(self, lon_m: FloatArray, lat_m: FloatArray, heading_rad: FloatArray) -> FloatArray | None:
-        """Return how far ahead of vehicles a signal or right of way may hold them next, infinite where none, (n,).
-
-        None where no stop lines are known.
-        """
+        """How far ahead of vehicles a signal or right of way may hold them, inf for none, (n,); None if unknown."""
         ...
 
     def on_a_lane(self, lon_m: FloatArray, lat_m: FloatArray) -> BoolArray:
@@ -154,10 +145,7 @@ class Road(Protocol):
     def across_m(self, lon_m: tuple[float, float], lat_m: float, half_m: float) -> tuple[float, float]:
         """Return from where to where what lies between two longitudinal positions reaches across.
 
-        Args:
-            lon_m: The positions.
-            lat_m: A lateral position between the ends, where the frame itself has none.
-            half_m: How far from it they are there.
+        Where the frame itself has no answer that is ``half_m`` around a lateral position between the ends.
         """
         ...
 
@@ -179,12 +167,7 @@ class Road(Protocol):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Draw positions evenly over the lanes within range of a place, by rejection.
 
-        Args:
-            count: How many.
-            around: The place.
-            range_m: The range.
-            rng: Source of randomness.
-            in_reach: Which of those drawn count; None for all within range.
+        ``in_reach`` tells which of those drawn count; None for all within range.
 
         Returns:
             Longitudinal and lateral positions and the lanes' directions against the frame's axis, each (count,); fewer
@@ -214,21 +197,12 @@ class Road(Protocol):
         ...
 
     def lane_area_m2(self, range_m: float, width_m: float) -> float:
-        """Return over what ground false detections spread: the lanes in range.
-
-        Args:
-            range_m: The range.
-            width_m: Width of one road that is taken to go on straight.
-        """
+        """Return over what ground false detections spread: the lanes in range, one road's as wide as ``width_m``."""
         ...
 
 
 def wall_bodies(walls_xy: FloatArray) -> FloatArray:
-    """Return walls as thin rectangles: rows of the middle's x and y, heading, length and width, shape (5, k).
-
-    Args:
-        walls_xy: Rows of x and y of either end, metres, shape (k, 4).
-    """
+    """Return walls, rows of x and y of either end, as thin rectangles: middle, heading, length and width, (5, k)."""
     middle, step = 0.5 * (walls_xy[:, :2] + walls_xy[:, 2:]), walls_xy[:, 2:] - walls_xy[:, :2]
     length = np.hypot(step[:, 0], step[:, 1])
     return np.stack([*middle.T, np.arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls_xy), WALL_WIDTH_M)])

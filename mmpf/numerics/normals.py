@@ -16,10 +16,6 @@ def standard_normals(rng: np.random.Generator, shape: tuple[int, ...]) -> Float3
 
     The method of Box and Muller (1958) on the generator's raw bits, with polynomials for logarithm, sine and cosine,
     which the compiler turns into vector instructions.
-
-    Args:
-        rng: Source of randomness.
-        shape: Shape of the result.
     """
     size = int(np.prod(shape))
     pairs = (size + 1) // 2
@@ -38,10 +34,7 @@ def _box_muller(
     parts: Int32Array,
     second: Float32Array,
 ) -> None:
-    """Write two normal numbers for each pair of random words: r cos(a) and r sin(a) with r^2 = -2 ln u.
-
-    ``parts`` are the bits of ``first``.
-    """
+    """Write two normal numbers for each pair of random words (r^2 = -2 ln u); ``parts`` are the bits of ``first``."""
     for n in range(len(first)):
         first[n] = (np.float32(radius_bits[n]) + np.float32(1.0)) * np.float32(2.0**-32)
     for n in range(len(first)):

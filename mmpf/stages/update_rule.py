@@ -20,16 +20,7 @@ from mmpf.visibility.range_profile import Reach
 
 @dataclass(frozen=True)
 class Situation:
-    """What the stages of one scan share.
-
-    Attributes:
-        scan: The scan.
-        sensor: The sensor's data sheet.
-        motion: The motion model.
-        dt_s: Time since the scan before.
-        traffic: Speeds of the vehicles around, for births.
-        plane: The plane in which the sensor sees.
-    """
+    """What the stages of one scan share; ``dt_s`` is the time since the scan before, ``traffic`` is for births."""
 
     scan: Scan
     sensor: SensorModel
@@ -41,13 +32,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class Occlusion:
-    """The visibility of components, known before looking at the detections.
-
-    Attributes:
-        detection_probability: Of each particle, shape (n,).
-        run_probability: Of each component, that the sensor is in a run of misses of it, shape (m,); it is part of the
-            detection probability.
-    """
+    """Detection probability of each particle, (n,), and that of a run of misses of each component, (m,), part of it."""
 
     detection_probability: FloatArray
     run_probability: FloatArray
@@ -58,11 +43,10 @@ class Updated:
     """The belief after the measurement update, with what later stages need of it.
 
     Attributes:
-        mixture: The belief.
         was_hit: Components that the scan confirmed, shape (m,).
         birth_claim: How strongly each detection asks for a new component, 0 to 1, shape (d,).
-        association_entropy: Mean entropy of the components' association, nats; 0 where each detection is clearly
-            one component's.
+        association_entropy: Mean entropy of the components' association, nats; 0 where each detection is clearly one
+            component's.
         effective_share: Mean effective sample size after weighting, as a share of the particles.
         false_detections: Expected number of detections of the scan that no vehicle gave; None if the rule does not say.
         reach: How well the sensor sees at each distance, after the scan; None if the rule does not say.
@@ -79,15 +63,7 @@ class Updated:
 
 @dataclass(frozen=True)
 class MixtureChange:
-    """The belief after a stage that changes the number of components.
-
-    Attributes:
-        mixture: The belief.
-        moments: Its components' moments.
-        removed: Components removed.
-        added: Components added.
-        merged: Components merged into others.
-    """
+    """The belief after a stage that changes the number of components, its moments, and how many came and went."""
 
     mixture: Mixture
     moments: Moments
@@ -100,11 +76,8 @@ class MixtureChange:
 class Finetuned:
     """The belief after the last stage that may move particles from one component to another.
 
-    Attributes:
-        mixture: The belief.
-        settled: Components that were clustered anew or had their identity settled.
-        moments: Its components' moments; None if particles or weights are others, or will be
-            after the weight update.
+    ``settled`` counts components that were clustered anew or had their identity settled. Without moments, particles or
+    weights are others, or will be after the weight update.
     """
 
     mixture: Mixture

@@ -25,15 +25,14 @@ class LaneCells:
 
     Attributes:
         lane: Number of the lane: on a road frame the lane's own, on a graph the index plus one.
-        lon_m: Longitudinal position of the middle, metres.
-        lat_m: Lateral position of the middle, metres.
+        lon_m: Longitudinal position of the middle, metres, and ``lat_m`` its lateral one.
         heading_rad: Driving direction against the frame's longitudinal axis, radians.
         length_m: Length along the lane.
         share: Traffic of the lane over that of a lane that nothing divides: across a junction the ways share it.
         before_stop_m: From the middle to where a signal or right of way may hold vehicles, infinite where none does.
         entry: Whether traffic that comes from beyond the map begins here.
-        stretch: Number of the stretch of 25 m, or what is left of its lane, that it belongs to.
-        in_stretch: How many cells that stretch has.
+        stretch: Number of the stretch of 25 m, or what is left of its lane, that it belongs to, of ``in_stretch``
+            cells.
     """
 
     lane: IntArray
@@ -53,13 +52,7 @@ class LaneCells:
 
 @dataclass(frozen=True)
 class Links:
-    """Where traffic flows from cell to cell; arrays of shape (k,).
-
-    Attributes:
-        source: Cell that it flows out of.
-        target: Cell that it flows into.
-        share: Which share of it takes this link.
-    """
+    """Where traffic flows from cell to cell, and which share of it takes each link; arrays of shape (k,)."""
 
     source: IntArray
     target: IntArray

@@ -124,15 +124,10 @@ class UnseenTraffic:
         self._phase_m = np.zeros(int(self._cells.lane.max(initial=0)) + 1)
 
     def step(self, scan: Scan, tracks: Tracks, reach: Reach | None = None) -> Unseen:
-        """Process a scan and the tracks after it.
+        """Process a scan and all tracks as they stand after it, and return the expected numbers within range.
 
-        Args:
-            scan: What the sensor saw.
-            tracks: All tracks as they stand after it.
-            reach: At which distances vehicles are detected, if the tracker has learned it; the data sheet holds if not.
-
-        Returns:
-            The expected numbers within range after the scan.
+        ``reach`` says at which distances vehicles are detected, if the tracker has learned it; the data sheet holds if
+        not.
         """
         if not len(self._cells):
             return Unseen(self._cells, np.zeros(0))
@@ -189,10 +184,7 @@ class UnseenTraffic:
         return np.stack([everybody - missed, missed])
 
     def _moving(self, driven_m: FloatArray) -> BoolArray:
-        """Return the cells whose traffic moves on: those of lanes that have travelled one cell.
-
-        Moved by shares of a cell it would spread out within seconds.
-        """
+        """Return the cells of lanes that have travelled one cell; moved by shares of one, traffic would spread out."""
         cells = self._cells
         self._phase_m += driven_m
         moves = self._phase_m[cells.lane] >= cells.length_m

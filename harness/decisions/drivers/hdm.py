@@ -26,11 +26,7 @@ from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2
 
 @dataclass(frozen=True)
 class HumanDriver:
-    """The multi-anticipative driver.
-
-    Attributes:
-        leaders: How many vehicles ahead it minds, at most as many as a belief holds.
-    """
+    """The multi-anticipative driver, which minds some vehicles ahead, at most as many as a belief holds."""
 
     leaders: int = LEADERS
 

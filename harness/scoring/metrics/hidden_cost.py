@@ -77,7 +77,7 @@ def measure_hidden(evidence: Evidence) -> HiddenPart:
 
 @of_whole
 def cost_of_hidden(part: HiddenPart, basis: Basis) -> dict[str, object]:
-    """Score what is known of the vehicles that are hidden after they were seen.
+    """Score the knowledge about vehicles that are hidden after they were seen.
 
     Returns:
         ``hidden_cost_m``: mean of the distance to the track that follows the vehicle (``following``)

@@ -101,7 +101,7 @@ def distance_to_line(place: FloatArray, line: FloatArray) -> float:
 
 @of_whole
 def scores_of_turns(part: TurnsPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
-    """Return how often the right route is told.
+    """Return how often the right route is reported.
 
     Returns:
         Of ``events``, occlusions of at least 2 s in which a vehicle turns or is on a roundabout:
