@@ -71,11 +71,11 @@ def _parameter(name: str, entry: Declared) -> inspect.Parameter:
 
 
 def _reader(kind: type, least: float | None, most: float | None) -> Callable[[object], object]:
-    """Return what reads a number as typer does, but for Python's own spelling 1_0 of 10."""
+    """Return what reads a number as typer does, but neither 1_0 for 10 nor 1.0 for a whole number."""
     known: TypeAdapter[Any] = TypeAdapter(cast("Any", getitem(Annotated, (kind, Field(ge=least, le=most)))))
 
     def read(given: object) -> object:
-        if isinstance(given, str) and "_" in given:
+        if isinstance(given, str) and ("_" in given or (kind is int and "." in given)):
             raise PydanticCustomError("number", "{given} is not a valid number", {"given": given})
         return known.validate_python(given)
 

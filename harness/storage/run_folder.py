@@ -29,6 +29,7 @@ from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.schema import TABLES, Table
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.limits import FARTHEST_M, lanes_problem
 from mmpf.map.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
@@ -46,8 +47,7 @@ FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")
 INCOMPLETE_SUFFIX = ".incomplete"
-MOST_POINTS, MOST_LANES, FARTHEST_M = 100_000, 1000, 1e8
-NARROWEST_LANE_M = 0.5
+MOST_POINTS = 100_000
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,8 @@ def _road(path: Path, parameter: str) -> Road:
         walls_xy = walls_of(fields["walls_xy"]) if "walls_xy" in fields else None
         _check_frame(road)
         if graph is None:
-            _check_lanes(road.lanes)
+            if problem := lanes_problem(road.lanes):
+                raise ValueError(problem)
             if walls_xy is not None:
                 raise ValueError("it has walls but no graph of lanes")
             return road
@@ -265,16 +266,6 @@ def _check_frame(road: CorridorRoad) -> None:
     ends = (*road.section_m, road.reference_start_m)
     if not all(abs(value) <= FARTHEST_M for value in ends) or road.section_m[0] >= road.section_m[1]:
         raise ValueError("its section is empty or not finite")
-
-
-def _check_lanes(lanes: tuple[Lane, ...]) -> None:
-    if not 1 <= len(lanes) <= MOST_LANES:
-        raise ValueError(f"it has {len(lanes)} lanes")
-    for lane in lanes:
-        wide = lane.left_m - lane.right_m >= NARROWEST_LANE_M
-        within = wide and lane.right_m >= -FARTHEST_M and lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
-        if not within or not isinstance(lane.number, int):
-            raise ValueError(f"lane {lane.number} has no width or length")
 
 
 def _first_free(path: Path) -> Path:

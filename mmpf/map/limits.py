@@ -1,14 +1,30 @@
-"""Bounds on the size of a lane graph: it comes from external files, and its square matrices must fit in memory."""
+"""Bounds on lanes from external files: one can drive on them, and a graph's square matrices fit in memory."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from mmpf.map.lane_graph import BESIDE_M, CELL_M, LaneGraph
+from mmpf.map.road import Lane
 
 MOST_POINTS = 2_000_000
 MOST_ENTRIES = 50_000_000
 FARTHEST_M = 1e8
+MOST_LANES, NARROWEST_LANE_M = 1000, 0.5
+
+
+def lanes_problem(lanes: Sequence[Lane]) -> str:
+    """Return in words why nobody can drive on the lanes of a road; empty if one can."""
+    if not 1 <= len(lanes) <= MOST_LANES:
+        return f"it has {len(lanes)} lanes"
+    for lane in lanes:
+        wide = lane.left_m - lane.right_m >= NARROWEST_LANE_M
+        within = wide and lane.right_m >= -FARTHEST_M and lane.left_m <= FARTHEST_M and lane.start_m < lane.end_m
+        if not within or not isinstance(lane.number, int):
+            return f"lane {lane.number} has no width or length"
+    return ""
 
 
 def graph_problem(graph: LaneGraph) -> str:

@@ -21,7 +21,9 @@ WIDTH_RANGE_M = (0.2, 10.0)
 UNIT_FACTORS = np.array([0.3048, 1.0 / 0.3048, 3.6, 1.0 / 3.6, 0.44704, 1.0 / 0.44704])
 SAME_FACTOR = 0.03
 TOLERATED_SHARE = 0.01
-SIZE_CHANGE_RATIO = 2.0
+SIZE_CHANGE_RATIO, LONGEST_NAME = 2.0, 200
+# Boxes of vehicles side by side touch by errors of measurement; so deep within one another few ever are.
+DEEP_SHARE, MOST_WITHIN = 0.8, 0.05
 
 
 def check_units(stays: Stays, path: Path) -> None:
@@ -31,9 +33,12 @@ def check_units(stays: Stays, path: Path) -> None:
         InputError: Vehicles move much farther or less far than their speed says, jump, change their size, or are of no
             vehicle's size: units are mixed or not those of the format.
     """
+    if (longest := max(map(len, stays.names))) > LONGEST_NAME:
+        raise InputError(f"{path}: a vehicle's name has {longest} letters; at most {LONGEST_NAME} are read")
     _check_sizes(stays, path)
     _check_jumps(stays, path)
     _check_speeds(stays, path)
+    _check_apart(stays, path)
 
 
 def _check_sizes(stays: Stays, path: Path) -> None:
@@ -102,6 +107,29 @@ def _check_directions(step_s: FloatArray, same: BoolArray, stays: Stays, path: P
     wrong = np.flatnonzero(telling & (driven * moved < 0.0))
     told = [f"moves {moved[stay]:+.1f} m along the road while its speed says {driven[stay]:+.1f} m" for stay in wrong]
     _check_share([str(name) for name in stays.names[wrong]], np.zeros(len(wrong)), told, stays, path)
+
+
+def _check_apart(stays: Stays, path: Path) -> None:
+    """Refuse a road where many vehicles are within others, as where one of the two coordinates has another unit."""
+    rows = stays.rows
+    if stays.in_plane:
+        return
+    order = np.lexsort((rows.lon_m, rows.time_s))
+    time_s, lon_m, lat_m, length_m, width_m = (
+        values[order] for values in (rows.time_s, rows.lon_m, rows.lat_m, rows.length_m, rows.width_m)
+    )
+    within = (
+        (np.diff(time_s) == 0.0)
+        & (np.diff(lon_m) < 0.5 * DEEP_SHARE * (length_m[1:] + length_m[:-1]))
+        & (np.abs(np.diff(lat_m)) < 0.5 * DEEP_SHARE * (width_m[1:] + width_m[:-1]))
+    )
+    if np.mean(within) > MOST_WITHIN:
+        first = int(within.argmax())
+        one, other = (stays.names[rows.vehicle[order[k]]] for k in (first, first + 1))
+        raise InputError(
+            f"{path}: vehicles {one} and {other} are in one place at {time_s[first]:.1f} s, and so are others in "
+            f"{100.0 * np.mean(within):.0f} % of the rows: wrong units of a coordinate?"
+        )
 
 
 def _ahead_m(stays: Stays) -> FloatArray:

@@ -20,6 +20,7 @@ from harness.truth.recorded.resample import Clocked, on_clock
 from harness.truth.recorded.rows import ReadTraffic, Rows
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.limits import lanes_problem
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray, StringArray
 
@@ -101,6 +102,8 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
     Raises:
         InputError: The content contradicts itself, or has ended by ``start_s``.
     """
+    if isinstance(read.road, CorridorRoad) and (problem := lanes_problem(read.road.lanes)):
+        raise InputError(f"{path}: nobody can drive on its road: {problem}; fix it")
     stays = order_rows(read, path)
     check_units(stays, path)
     clocked = on_clock(stays)

@@ -32,19 +32,11 @@ def make(setting, options):
     return Bad()
 """
 STEPS = {
-    "sys.exit(0)": "SystemExit: 0",
-    "raise BaseException('out')": "BaseException: out",
-    "raise GeneratorExit": "GeneratorExit",
     "raise BrokenPipeError": "BrokenPipeError",
     "raise MemoryError": "MemoryError",
     "if os.fork() == 0: return one()": "",
-    "return one(lon_m=1e308)": "lon_m holds 1e+308",
-    "return one(existence=2.0)": "existence holds 2; it must be 0 to 1",
-    "return one(existence=-1.0)": "existence holds -1",
-    "return one(std_lon_m=-1.0)": "std_lon_m holds -1; it must be above 0",
     "return one(std_lat_m=0.0)": "std_lat_m holds 0",
     "return one(std_speed_mps=-3.0)": "std_speed_mps holds -3",
-    "return one(track_id=-5)": "track_id holds -5",
     "return one(track_id=1.5)": "track_id is float64, not whole numbers",
     "return one(state=np.int8(7))": "state holds 7",
     "return Tracks(*(np.arange(300_000, dtype=k) for _, k in COLUMNS))": "",
@@ -90,13 +82,6 @@ def test_a_module_that_leaves_the_program_when_it_is_imported_is_one_line(tmp_pa
     assert run_with(tmp_path, scene, monkeypatch, make="pass\nsys.exit(0)\ndef other():\n    pass") == 2
     (line,) = capfd.readouterr().err.splitlines()
     assert "can't import the tracker 'bad:make' (SystemExit: 0)" in line
-
-
-def test_a_step_that_can_not_be_had_is_one_line(tmp_path, scene, monkeypatch, capfd):
-    made = "return type('Prop', (), {'step': property(lambda self: 1 / 0)})()"
-    assert run_with(tmp_path, scene, monkeypatch, make=made) == 2
-    (line,) = capfd.readouterr().err.splitlines()
-    assert "ZeroDivisionError" in line
 
 
 def test_a_tracker_changes_neither_what_is_recorded_nor_the_road_that_is_scored(tmp_path, scene, monkeypatch):

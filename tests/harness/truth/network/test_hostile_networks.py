@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import time
 from pathlib import Path
 
@@ -159,31 +158,6 @@ def test_no_element_of_any_file_writes_outside_of_the_run(within, writer, where,
     assert [victim.read_text() for victim in victims] == ["precious", "precious"]
     after = {path for path in tmp_path.rglob("*") if not path.is_relative_to(tmp_path / "run")}
     assert {path.name for path in after - set(before)} <= {"own.net.xml", "own.rou.xml", "own.sumocfg", "own.add.xml"}
-
-
-def test_a_device_of_vehicles_writes_nothing_into_the_working_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    device = '<vType id="t"><param key="has.ssm.device" value="true"/></vType><route '
-    routes = VEHICLES.replace("<route ", device).replace("<flow ", '<flow type="t" ').replace('"3"', '"40"')
-    assert run_on(own(tmp_path, routes=routes), tmp_path) == 0
-    assert not list(tmp_path.glob("*ssm*"))
-
-
-@pytest.mark.parametrize(
-    ("files", "told"),
-    [
-        ({"additional": '<a><variableSpeedSign id="v" lanes="upstream_0" file="/etc/passwd"/></a>'}, "crashed"),
-        ({"additional": '<a><parkingArea id="p" lane="upstream_0" roadsideCapacity="2000000000"/></a>'}, "memory"),
-        ({"routes": VEHICLES.replace('number="3"', 'period="exp(1e9)"')}, "GB of memory|took more than"),
-    ],
-)
-def test_what_crashes_hangs_or_fills_the_memory_is_refused_in_one_line(files, told, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("harness.common.isolation.Limits.cpu_s", 5)
-    assert run_on(own(tmp_path, **files), tmp_path) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(told, line)
-    assert "--net" in line
-    assert not list(tmp_path.glob("*run*"))
 
 
 @pytest.mark.parametrize("value", ["a;b", "../../x", "/tmp/file", "$(id)", "x" * 100, "1,2"])
