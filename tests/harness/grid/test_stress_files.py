@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -265,14 +264,6 @@ def test_a_damaged_row_is_made_again(whole, finished, damage):
     again = MadeUp()
     pd.testing.assert_frame_equal(table_of(grid(finished, execute=again, resume=True).folder), table_of(whole))
     assert again.rows == 1
-
-
-def test_a_row_in_whose_place_there_is_a_pipe_is_told(finished):
-    row = sorted((finished / "runs").glob("*.json"))[3]
-    row.unlink()
-    os.mkfifo(row)
-    with pytest.raises(InputError, match=r"`out`.*is no file of a stress test"):
-        grid(finished, resume=True)
 
 
 def test_finished_runs_of_another_grid_never_drop_out_of_the_tables(whole, finished):

@@ -2,7 +2,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
@@ -67,11 +66,6 @@ def test_a_wrong_sensor_setting_is_refused_on_one_line_that_names_it(profile, ov
         sensor_settings(profile, overrides)
     assert named in str(refusal.value)
     assert "\n" not in str(refusal.value)
-
-
-def test_settings_cannot_be_changed_after_they_are_made():
-    with pytest.raises(ValidationError):
-        sensor_settings("lidar", {}).range_m = 3.0
 
 
 def test_the_page_on_the_sensor_tells_the_rates_that_the_profiles_have():

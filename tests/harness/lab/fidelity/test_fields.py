@@ -90,9 +90,3 @@ def test_a_broken_table_is_one_clear_line(folder, content):
     with pytest.raises(InputError, match="`fields`") as error:
         read_fields(folder)
     assert "\n" not in str(error.value)
-
-
-def test_tables_of_different_size_are_refused(folder):
-    np.savetxt(folder / FIELD_FILES["speed"], np.full((4, 5), 10.0))
-    with pytest.raises(InputError, match="differ in size"):
-        read_fields(folder)

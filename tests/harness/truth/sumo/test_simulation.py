@@ -81,12 +81,6 @@ def check_that_vehicles_never_overlap(frames):
         assert np.array_equal(overlap, np.eye(len(frame), dtype=bool))
 
 
-def test_values_have_four_decimals(frames):
-    for name in ("lon_m", "lat_m", "speed_mps", "accel_mps2", "heading_rad", "length_m"):
-        values = getattr(frames[0], name)
-        assert np.array_equal(values, np.round(values, 4))
-
-
 def test_the_ego_is_a_car_on_a_middle_lane_near_the_start(frames):
     first = frames[0]
     assert first.lane[first.ego] in {2, 3, 4}

@@ -199,38 +199,6 @@ def window_of(run: subprocess.Popen[str]) -> int:
 
 @pytest.mark.slow
 @on_a_virtual_screen
-def test_a_screen_that_is_not_there_is_told_in_one_line(environment, tmp_path):
-    command = [*RUN, "--gui", "--duration", "1", "--out", str(tmp_path / "run")]
-    told = subprocess.run(command, env=environment | {"DISPLAY": ":64000"}, capture_output=True, text=True, check=False)
-    assert told.returncode == 2
-    assert len(told.stderr.splitlines()) == 1
-    assert "--gui: sumo-gui does not open" in told.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-@on_a_virtual_screen
-def test_input_that_sumo_refuses_is_told_in_the_same_words_with_and_without_the_window(environment, tmp_path):
-    net = Path(__file__).parents[4] / "networks" / "us101" / "us101.net.xml"
-    (tmp_path / "bad.rou.xml").write_text(
-        '<routes><vehicle id="v" depart="0"><route edges="nosuch edge"/></vehicle></routes>'
-    )
-    (tmp_path / "bad.sumocfg").write_text(
-        f'<configuration><net-file value="{net}"/><route-files value="bad.rou.xml"/></configuration>'
-    )
-    command = [sys.executable, "-m", "harness", "run", "--net", "bad.sumocfg", "--duration", "1", "--out", "run"]
-    plain, shown = (
-        subprocess.run([*command, *more], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-        for more in ([], ["--gui"])
-    )
-    assert plain.returncode == shown.returncode == 2
-    assert "--net: SUMO refuses the input" in shown.stderr
-    assert "nosuch" in shown.stderr
-    assert shown.stderr == plain.stderr
-
-
-@pytest.mark.slow
-@on_a_virtual_screen
 def test_ctrl_c_closes_the_window_and_keeps_the_finished_steps(environment, tmp_path):
     run = run_until_it_tracks(environment, tmp_path)
     gui = window_of(run)
