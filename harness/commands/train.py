@@ -20,7 +20,13 @@ class Options(TypedDict):
             "turning: junction,priority,roundabout)"
         ),
     ]
-    case: Annotated[str, Option("lane-keeping, lane-change, residual, empirical or turning.", default="lane-keeping")]
+    case: Annotated[
+        str,
+        Option(
+            "lane-keeping, lane-change, residual, recurrent (needs the extra deep), empirical or turning.",
+            default="lane-keeping",
+        ),
+    ]
     components: Annotated[int | None, Option("Components of the mixture. (default: the paper's 28 or 60)", least=1)]
     seeds: Annotated[
         str | None,

@@ -12,7 +12,7 @@ from harness.common.error_text import what_it_raised
 from harness.common.isolation import ProcessLimits, isolated
 from harness.trackers.protocol import TrackerSetting
 from mmpf.motion.gmm.model_file import ModelFileError
-from mmpf.motion.learned.driver import empirical_driver, load_learned_driver, residual_driver
+from mmpf.motion.learned.driver import empirical_driver, load_learned_driver, recurrent_driver, residual_driver
 from mmpf.motion.learned.short_driver import load_short_driver
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models
 from mmpf.motion.state import SPEED, STATE_SIZE
@@ -23,7 +23,7 @@ from mmpf.tracker import MixtureTracker
 # The models that are fitted to data, and so can come from a file of the user's own.
 MODEL_LOADERS: dict[str, Callable[[Path], MotionModel]] = {
     **{"residual": residual_driver, "gmm": load_learned_driver, "gmm-short": load_short_driver},
-    "empirical": empirical_driver,
+    **{"recurrent": recurrent_driver, "empirical": empirical_driver},
 }
 
 # A motion model from outside is tried on two vehicles at this speed before a run begins.

@@ -255,6 +255,7 @@ _PLACES = {
     "idm-adaptive": "idm:AdaptiveDriver",
     "gmm": "learned.driver:LearnedDriver",
     "residual": "learned.driver:residual_driver",
+    "recurrent": "learned.driver:recurrent_driver",
     "empirical": "learned.driver:empirical_driver",
     "gmm-short": "learned.short_driver:short_term_driver",
     "gmm-lane-change": "learned.lane_changer:LaneChangeDriver",

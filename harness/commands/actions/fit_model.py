@@ -10,7 +10,7 @@ import typer
 
 from harness.common.errors import InputError
 from harness.config.lists import seed_values
-from harness.lab.fit.train import EMPIRICAL, RESIDUAL, TrainingPlan, train
+from harness.lab.fit.train import EMPIRICAL, RECURRENT, RESIDUAL, TrainingPlan, train
 from harness.lab.fit.turning_fit import ON_NETWORKS, TURNING, train_turning
 from harness.lab.windows.scenarios import FIRST_TRAINING_SEED
 from harness.truth.network.network import load_network
@@ -31,7 +31,7 @@ def fit_model(options: Mapping[str, Any]) -> None:
     def say(line: str) -> None:
         typer.echo(line, err=True)
 
-    if case in (TURNING, RESIDUAL, EMPIRICAL) and options["components"] is not None:
+    if case in (TURNING, RESIDUAL, RECURRENT, EMPIRICAL) and options["components"] is not None:
         raise InputError(f"`components`: the case {case} fits no mixture; leave it out")
     if case == TURNING:
         networks = [load_network(name) for name in (options["net"] or ON_NETWORKS).split(",")]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.lab.fit import unrolled
+from harness.lab.fit import recurrent_fit, unrolled
 from harness.lab.fit.card import TRAFFIC, errors_by_regime, write_card
 from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
 from harness.lab.fit.driver_fit import (
@@ -42,7 +42,7 @@ from harness.lab.windows.scenarios import (
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.learned import empirical, residual
+from mmpf.motion.learned import empirical, recurrent, residual
 from mmpf.motion.learned.driver import LearnedDriver, save_driver, with_follower
 from mmpf.motion.learned.follower import Follower
 from mmpf.motion.learned.lane_changer import CHANGE
@@ -50,9 +50,9 @@ from mmpf.motion.learned.short_driver import SHORT, short_term_driver
 from mmpf.numerics.arrays import FloatArray
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
-RESIDUAL, EMPIRICAL = residual.CASE, empirical.CASE
+RESIDUAL, RECURRENT, EMPIRICAL = residual.CASE, recurrent.CASE, empirical.CASE
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
-CASES = (*PAPER_COMPONENTS, RESIDUAL, EMPIRICAL)
+CASES = (*PAPER_COMPONENTS, RESIDUAL, RECURRENT, EMPIRICAL)
 TUNING_SEEDS = 1
 SWEPT = {LANE_KEEPING: (4, 8, 12, 20, 28, 40, 60), LANE_CHANGE: (10, 20, 40, 60, 90)}
 SWEEP_SAMPLES = 15_000
@@ -194,6 +194,13 @@ def _train_follower(
         fit = f"{unrolled.ITERATIONS} steps of Adam on the score of {unrolled.WINDOWS} rollouts of 10 s, "
         fit += f"{unrolled.PARTICLES} particles each; seed {plan.seed}"
         size = f"{residual.INPUTS} inputs, two layers of {unrolled.HIDDEN_UNITS} units, one output"
+    elif plan.case == RECURRENT:
+        follower = recurrent.RecurrentFollower(recurrent_fit.fit_recurrent(windows, plan.seed, say))
+        recurrent.save_recurrent(path, follower.network)
+        title, limits = "IDM and a network with a memory (`recurrent`, ours)", RECURRENT_LIMITS
+        fit = f"{recurrent_fit.ITERATIONS} steps of Adam on the score of {unrolled.WINDOWS} rollouts of up to 10 s, "
+        fit += f"{unrolled.PARTICLES} particles each, by JAX; seed {plan.seed}"
+        size = f"a gated recurrent unit of {recurrent_fit.UNITS} numbers, {recurrent.OUTPUTS} outputs"
     else:
         follower = fit_empirical(led)
         empirical.save_empirical(path, follower)
@@ -300,6 +307,10 @@ RESIDUAL_LIMITS = (
     "Half of the leaders were taken for somewhat different ones in training, and a fifth was left out; how far "
     "off, and how many, was set by hand.",
     "Beyond the range of its inputs in training it takes them for the range's end; IDM's part goes on.",
+)
+RECURRENT_LIMITS = (
+    *RESIDUAL_LIMITS,
+    "Training needs the extra `deep` (JAX); running it does not.",
 )
 SHORT_LIMITS = (
     "One step ahead is all that it was fitted to: errors feed back, and its particles are too alike after seconds.",

@@ -34,7 +34,8 @@ ITERATIONS, WINDOWS, PARTICLES = 1200, 96, 8
 LEARNING_RATE, WARM_UP = 0.015, 30
 SCORED_STEPS = np.array([5, 10, 15, 20, 30, 40, 50, 65, 80, 100])
 """Steps that are scored, and how much: errors of position grow with about this power of time, those of speed less."""
-POSITION_WEIGHT, SPEED_WEIGHT = (SCORED_STEPS * 0.1) ** -1.3, 0.3 * (SCORED_STEPS * 0.1) ** -0.5
+POSITION_SCORE, SPEED_SCORE = (1.0, -1.3), (0.3, -0.5)
+POSITION_WEIGHT, SPEED_WEIGHT = (f * (SCORED_STEPS * 0.1) ** power for f, power in (POSITION_SCORE, SPEED_SCORE))
 # A tracker does not know leaders exactly, and some not at all: half of them are taken for somewhat different ones, and
 # some are left out.
 WRONG_SHARE, WRONG_GAP_M, WRONG_SPEED_MPS, WRONG_ACCEL_MPS2 = 0.5, 2.0, 0.5, 0.5
@@ -72,14 +73,30 @@ def fit_residual(
     windows: CarFollowing, seed: int, say: Callable[[str], None], iterations: int | None = None
 ) -> NetworkWeights:
     """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015)."""
-    iterations, rng = iterations or ITERATIONS, np.random.default_rng(seed)
-    scaling = _scaling(windows.take(np.flatnonzero(windows.has_leader)))
-    weights = first_weights(rng, HIDDEN_UNITS)
+    rng = np.random.default_rng(seed)
+    scaling = scaling_of(windows.take(np.flatnonzero(windows.has_leader)))
+
+    def score_of_some(weights: Weights) -> tuple[float, Weights]:
+        chosen = rng.choice(len(windows), size=min(WINDOWS, len(windows)), replace=False)
+        return score_and_gradient(weights, scaling, rollouts_of(windows, chosen, PARTICLES, rng))
+
+    weights = searched(first_weights(rng, HIDDEN_UNITS), score_of_some, iterations or ITERATIONS, say)
+    network = scaling._replace(**{name: np.asarray(w, dtype=np.float32) for name, w in weights.items()})
+    return network._replace(lag=share_of(network.lag).astype(np.float32))
+
+
+def searched(
+    weights: Weights,
+    score_of_some: Callable[[Weights], tuple[float, Weights]],
+    iterations: int,
+    say: Callable[[str], None],
+) -> Weights:
+    """Return weights of a lower score by Adam, given a function that scores some of the windows, with its gradient."""
+    weights = dict(weights)
     slope, square = ({name: np.zeros_like(w) for name, w in weights.items()} for _ in range(2))
     smoothed = 0.0
     for step in range(1, iterations + 1):
-        chosen = rng.choice(len(windows), size=min(WINDOWS, len(windows)), replace=False)
-        score, gradient = score_and_gradient(weights, scaling, rollouts_of(windows, chosen, PARTICLES, rng))
+        score, gradient = score_of_some(weights)
         smoothed = score if step == 1 else 0.98 * smoothed + 0.02 * score
         if step % 200 == 0 or step == iterations:
             say(f"{step} of {iterations} steps, score {smoothed:.3f}")
@@ -90,8 +107,7 @@ def fit_residual(
             square[name] = 0.99 * square[name] + 0.01 * (held * g) ** 2
             change = slope[name] / (1.0 - 0.9**step) / (np.sqrt(square[name] / (1.0 - 0.99**step)) + 1e-8)
             weights[name] = (weights[name] - rate * change).astype(np.float32)
-    network = scaling._replace(**{name: np.asarray(w, dtype=np.float32) for name, w in weights.items()})
-    return network._replace(lag=_share(network.lag).astype(np.float32))
+    return weights
 
 
 def first_weights(rng: np.random.Generator, hidden: int) -> Weights:
@@ -103,8 +119,8 @@ def first_weights(rng: np.random.Generator, hidden: int) -> Weights:
     return {name: w.astype(np.float32) for name, w in (drawn | {"lag": np.array([-1.7])}).items()}
 
 
-def _scaling(led: CarFollowing) -> NetworkWeights:
-    """Return a network that has nothing yet but the scaling of its inputs."""
+def scaling_of(led: CarFollowing) -> NetworkWeights:
+    """Return a network that has nothing yet but the scaling of its inputs, given windows behind leaders."""
     headway = np.repeat(log_headway(led.gap_m[:, 0], led.speed_mps[:, 0]), led.gap_m.shape[1])
     columns = (np.log(np.maximum(led.gap_m, SMALLEST_GAP_M)), led.speed_mps, led.accel_mps2)
     leader = (led.speed_mps - led.leader_speed_mps, np.clip(led.leader_accel_mps2, *STRONGEST_LEADER_MPS2))
@@ -192,7 +208,8 @@ def crps_and_slope(particles: Array, true: Array) -> tuple[FloatArray, FloatArra
     return score.mean(axis=1, keepdims=True), slope.reshape(k, -1)
 
 
-def _share(logit: Array) -> Array:
+def share_of(logit: Array) -> Array:
+    """Return the share, from 0 to 1, of which a logit is kept."""
     return np.asarray(1.0 / (1.0 + np.exp(-logit)))
 
 
@@ -219,7 +236,7 @@ def _usual(gap: Array, speed: Array, leader_speed: Array, led: npt.NDArray[np.bo
 
 def _roll(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[Array, Array, list[_StepCache]]:
     """Return places and speeds of all particles, shape (steps, n), and what the way back needs."""
-    lag = _share(weights["lag"])[0]
+    lag = share_of(weights["lag"])[0]
     speed, accel = rollouts.speed_mps, rollouts.accel_mps2
     place, noise = np.zeros_like(speed), rollouts.noise[0]
     places, speeds, tape = [place], [speed], []
@@ -257,7 +274,7 @@ def _back(
     weights: Weights, scaling: NetworkWeights, tape: list[_StepCache], by_places: Array, by_speeds: Array
 ) -> Weights:
     """Return the gradient with respect to the weights, given the score's slopes by places and speeds, (steps, n)."""
-    lag = _share(weights["lag"])[0]
+    lag = share_of(weights["lag"])[0]
     gradient: Weights = {name: np.zeros(w.shape) for name, w in weights.items()}
     by_place, by_speed, by_accel = by_places[-1], by_speeds[-1], np.zeros_like(by_places[-1])
     states = SEEN - 2

@@ -24,7 +24,7 @@ from mmpf.motion.protocol import MotionModel, motion_models
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 KINEMATIC, IDM = ("cvm", "cam", "csav", "csaa"), ("idm", "idm-fitted", "idm-adaptive")
 MODELS = {
-    LANE_KEEPING: ("residual", "gmm", "empirical", "gmm-short", *IDM, *KINEMATIC),
+    LANE_KEEPING: ("residual", "recurrent", "gmm", "empirical", "gmm-short", *IDM, *KINEMATIC),
     LANE_CHANGE: ("gmm", "gmm-lane-change", *KINEMATIC),
 }
 OCCLUSIONS = {LANE_KEEPING: (PARTIAL, COMPLETE), LANE_CHANGE: (PARTIAL,)}

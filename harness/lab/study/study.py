@@ -16,7 +16,13 @@ from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 PARTIAL, COMPLETE = "partial", "complete"
-LABELS = {"residual": "ours", "gmm": "ours", "gmm-short": "as in the paper", "gmm-lane-change": "as in the paper"}
+LABELS = {
+    "residual": "ours",
+    "recurrent": "ours",
+    "gmm": "ours",
+    "gmm-short": "as in the paper",
+    "gmm-lane-change": "as in the paper",
+}
 SHOWN_PARTICLES = 60
 
 

@@ -24,7 +24,7 @@ from mmpf.motion.gmm.model_file import (
     mixture_from_arrays,
     save_arrays,
 )
-from mmpf.motion.learned import empirical, residual
+from mmpf.motion.learned import empirical, recurrent, residual
 from mmpf.motion.learned.follower import Follower, MixtureFollower, follows
 from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
@@ -208,7 +208,8 @@ class LearnedDriver:
         index = np.flatnonzero(fresh)
         if len(index):
             drawn[KNOWN, index] = 1.0
-            drawn[FOLLOWER:, index] = self.model.follower.draw(state, surroundings.leader, index, rng)
+            own = self.model.follower.draw(state, surroundings.leader, index, rng)
+            drawn[FOLLOWER : FOLLOWER + len(own), index] = own
             drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
             drawn[PACE, index] = 1.0
             self._draw_by_road(drawn, index[np.isfinite(surroundings.road_speed_mps[index])], rng)
@@ -240,6 +241,15 @@ def residual_driver(path: Path | None = None) -> LearnedDriver:
         ModelFileError: The file can't be used.
     """
     return _from_file(residual.load_residual, residual.CASE, path)
+
+
+def recurrent_driver(path: Path | None = None) -> LearnedDriver:
+    """Return IDM car following plus a network with a memory, bundled or from a file; see ``recurrent``.
+
+    Raises:
+        ModelFileError: The file can't be used.
+    """
+    return _from_file(recurrent.load_recurrent, recurrent.CASE, path)
 
 
 def empirical_driver(path: Path | None = None) -> LearnedDriver:

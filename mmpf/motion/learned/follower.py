@@ -30,7 +30,11 @@ class Follower(Protocol):
     def drives_alone(self) -> bool: ...  # noqa: D102
 
     def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
-        """Draw the drivers of the particles ``index``, with or without leaders: rows of shape (latent_size, k)."""
+        """Draw the drivers of the particles ``index``, with or without leaders: rows of shape (latent_size, k).
+
+        There may be fewer rows: the others are a memory, zero at birth, which a particle keeps when its driver is drawn
+        anew.
+        """
         ...
 
     def accelerations(

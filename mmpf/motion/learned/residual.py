@@ -35,7 +35,7 @@ USUAL_DRIVER = IdmParameters(30.0, 1.38, 1.4, 1.5, standstill_gap_m=3.0)
 """The driver that the network corrects."""
 IDM_RANGE_MPS2 = (-5.0, 3.0)
 STRONGEST_LEADER_MPS2 = (-6.0, 4.0)
-_BLOCK = 2048
+BLOCK = 2048
 
 
 class NetworkWeights(NamedTuple):
@@ -96,19 +96,34 @@ class ResidualFollower:
         rng: np.random.Generator,
     ) -> FloatArray:
         """Return what the network makes of the situation and let the noise go on; see ``Follower``."""
-        seen = seen_by(index, state, leader, INPUTS)
-        alone = ~follows(leader)[index]
-        seen[0, alone], seen[3, alone], seen[4, alone] = np.log(FURTHEST_LEADER_M), 0.0, 0.0
-        np.clip(seen[SITUATION_SIZE - 1], *STRONGEST_LEADER_MPS2, out=seen[SITUATION_SIZE - 1])
+        seen = inputs_of(index, state, leader, INPUTS)
         seen[SITUATION_SIZE:] = drivers[:, index]
         accel = np.empty(len(index))
-        lag = 1.0 - (1.0 - float(self.network.lag[0])) ** (dt_s / FITTED_STEP_S)
-        in_shares(lambda begin, end: _forward(begin, end, seen, self.network, lag, accel), len(index), 20.0, _BLOCK)
-        for row, scale_s in enumerate(TIME_SCALES_S, start=1):
-            kept = np.exp(-dt_s / scale_s)
-            if kept < 1.0:
-                drivers[row] = kept * drivers[row] + np.sqrt(1.0 - kept**2) * standard_normals(rng, drivers[row].shape)
+        lag = lag_of_step(self.network.lag, dt_s)
+        in_shares(lambda begin, end: _forward(begin, end, seen, self.network, lag, accel), len(index), 20.0, BLOCK)
+        let_noise_go_on(drivers[1:], dt_s, rng)
         return accel
+
+
+def inputs_of(index: IntArray, state: FloatArray, leader: Neighbour, rows: int) -> Float32Array:
+    """Return situations in the first of ``rows`` rows, shape (rows, k): of those without a leader, behind a far one."""
+    seen, alone = seen_by(index, state, leader, rows), ~follows(leader)[index]
+    seen[0, alone], seen[3, alone], seen[4, alone] = np.log(FURTHEST_LEADER_M), 0.0, 0.0
+    np.clip(seen[SITUATION_SIZE - 1], *STRONGEST_LEADER_MPS2, out=seen[SITUATION_SIZE - 1])
+    return seen
+
+
+def lag_of_step(lag: Float32Array, dt_s: float) -> float:
+    """Return the share by which acceleration approaches what is wanted in a step of any length."""
+    return float(1.0 - (1.0 - float(lag[0])) ** (dt_s / FITTED_STEP_S))
+
+
+def let_noise_go_on(rows: FloatArray, dt_s: float, rng: np.random.Generator) -> None:
+    """Move the rows of noise one step on, in place; each keeps its spread."""
+    for row, scale_s in zip(rows, TIME_SCALES_S, strict=True):
+        kept = np.exp(-dt_s / scale_s)
+        if kept < 1.0:
+            row[:] = kept * row + np.sqrt(1.0 - kept**2) * standard_normals(rng, row.shape)
 
 
 _USUAL = tuple(np.float32(value) for value in vars(USUAL_DRIVER).values())
@@ -118,12 +133,12 @@ def _forward(begin: int, end: int, seen: Float32Array, network: NetworkWeights, 
     """Write the accelerations of the columns ``begin`` to ``end`` of ``seen``, shape (9, k)."""
     low, high, mean = (part[:, None] for part in network[:3])
     scaled = np.vstack([network.w1[:SEEN] / network.scale[:, None], network.w1[SEEN:]]).T
-    for start in range(begin, end, _BLOCK):
-        block = seen[:, start : min(start + _BLOCK, end)]
+    for start in range(begin, end, BLOCK):
+        block = seen[:, start : min(start + BLOCK, end)]
         inputs = np.vstack([np.clip(block[:SEEN], low, high) - mean, block[SEEN:]])
         units = _units(product(scaled, inputs), network.b1)
         added = product(network.w3[None], _units(product(network.w2.T, units), network.b2))[0]
-        _approach(block, added, network.b3[0], np.float32(lag), accel[start : start + _BLOCK])
+        approach(block, added, network.b3[0], np.float32(lag), accel[start : start + BLOCK])
 
 
 @kernel(fastmath=True)
@@ -137,7 +152,8 @@ def _units(sums: Float32Array, shift: Float32Array) -> Float32Array:
 
 
 @kernel(fastmath=True)
-def _approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: np.float32, accel: FloatArray) -> None:
+def approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: np.float32, accel: FloatArray) -> None:
+    """Write accelerations, shape (n,), that approach those of IDM and what is added to them."""
     free_speed, headway, strongest, comfortable, _, standstill = _USUAL
     braking, zero, one = np.float32(2.0) * np.sqrt(strongest * comfortable), np.float32(0.0), np.float32(1.0)
     low, high = np.float32(IDM_RANGE_MPS2[0]), np.float32(IDM_RANGE_MPS2[1])

@@ -78,7 +78,12 @@ def test_a_noise_on_the_speed_that_was_asked_for_holds_for_every_model(model: St
 
 
 def test_of_the_models_that_come_with_the_filter_only_the_learned_driver_spreads_the_speed_itself() -> None:
-    assert [name for name in motion_models if spreads_speed(motion_model(name))] == ["empirical", "gmm", "residual"]
+    assert [name for name in motion_models if spreads_speed(motion_model(name))] == [
+        "empirical",
+        "gmm",
+        "recurrent",
+        "residual",
+    ]
 
 
 def added_noise(motion: MotionModel, options: dict[str, object]) -> float:

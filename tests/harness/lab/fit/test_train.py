@@ -67,7 +67,7 @@ def test_training_on_turns_needs_networks_in_the_plane(capsys):
     assert "--net us101: give networks in the plane" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("case", ["turning", "residual", "empirical"])
+@pytest.mark.parametrize("case", ["turning", "residual", "recurrent", "empirical"])
 def test_what_is_no_mixture_has_no_components_and_says_so(case, capsys):
     assert run_command_line(["train", "--case", case, "--components", "9"]) == 2
     assert f"--components: the case {case} fits no mixture" in capsys.readouterr().err
