@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from harness.common.files import save_figure, write_text
+from harness.common.files import write_text
 from harness.common.markdown import markdown_table
-from harness.common.plots import strip
 from harness.lab.fit.mixture_em import SizeScore
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import following_cases
@@ -31,7 +29,7 @@ def write_card(
     regimes: Sequence[RegimeError],
     limits: Sequence[str],
 ) -> None:
-    """Write a model card and, beside it, the picture of its BIC curve.
+    """Write a model card.
 
     Args:
         regimes: Closed-loop errors by regime; may be empty.
@@ -40,12 +38,9 @@ def write_card(
     lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]
     if sizes:
         best = min(sizes, key=lambda size: size.bic)
-        picture = path.with_name(f"{path.stem}_bic.png")
-        _draw_sizes(sizes, best, picture)
         lines += ["## Number of components", "", f"Smallest BIC of the sweep: {best.components} components.", ""]
         rows = [[str(size.components), f"{size.bic:.0f}", f"{size.log_likelihood:.3f}"] for size in sizes]
-        lines += markdown_table(["components", "BIC", "log-likelihood a sample"], rows)
-        lines += ["", f"![BIC]({picture.name})", ""]
+        lines += [*markdown_table(["components", "BIC", "log-likelihood a sample"], rows), ""]
     if regimes:
         heads = ["regime", "cases", *(f"{horizon:g} s" for horizon in HORIZONS_S)]
         rows = [[entry.regime, str(entry.cases), *(f"{error:.2f}" for error in entry.lon_m)] for entry in regimes]
@@ -53,26 +48,6 @@ def write_card(
         lines += [*markdown_table(heads, rows), ""]
     lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
     write_text(path, "\n".join(lines))
-
-
-def _draw_sizes(sizes: Sequence[SizeScore], best: SizeScore, path: Path) -> None:
-    """Draw BIC over the number of components."""
-    figure = Figure(figsize=(5.0, 3.2), layout="constrained")
-    axis = figure.subplots()
-    axis.plot([size.components for size in sizes], [size.bic / 1000.0 for size in sizes], "o-", color="#0072B2")
-    axis.annotate(
-        f"smallest: {best.components}",
-        (best.components, best.bic / 1000.0),
-        textcoords="offset points",
-        xytext=(0, 12),
-        ha="center",
-        fontsize=9,
-    )
-    axis.set_xlabel("number of components")
-    axis.set_ylabel("BIC, thousands (smaller is better)")
-    axis.margins(y=0.15)
-    strip(axis)
-    save_figure(figure, path, dpi=110)
 
 
 STOP_AND_GO_BELOW_MPS = 3.0

@@ -39,7 +39,6 @@ def test_a_card_names_the_best_size_and_the_limits(tmp_path):
     text = (tmp_path / "model.md").read_text()
     assert "Smallest BIC of the sweep: 8 components" in text
     assert "It knows nothing." in text
-    assert (tmp_path / "model_bic.png").exists()
 
 
 @pytest.mark.slow
