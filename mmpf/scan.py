@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 
 class InvalidScanError(ValueError):
@@ -32,19 +32,11 @@ class BodySizes:
     std_length_m: FloatArray
     std_width_m: FloatArray
 
-    def take(self, index: IntArray) -> BodySizes:
-        """Return the sizes of some detections, in the order of ``index``, shape (k,)."""
-        return taken(self, index)
-
     def validate(self, count: int) -> None:
         """Raise ``InvalidScanError`` if a shape is not (count,), or a value is not finite or not positive."""
+        _check_finite("sizes", self, count)
         for column in fields(self):
-            values = getattr(self, column.name)
-            if values.shape != (count,):
-                raise InvalidScanError(f"detections.sizes.{column.name} has shape {values.shape}, not {(count,)}")
-            if not np.isfinite(values).all():
-                raise InvalidScanError(f"detections.sizes.{column.name} holds a value that is not finite")
-            if (values <= 0.0).any():
+            if (getattr(self, column.name) <= 0.0).any():
                 raise InvalidScanError(f"detections.sizes.{column.name} must be positive")
 
 
@@ -62,18 +54,9 @@ class BodyHeadings:
     std_rad: FloatArray
     flip_probability: FloatArray
 
-    def take(self, index: IntArray) -> BodyHeadings:
-        """Return the directions of some detections, in the order of ``index``, shape (k,)."""
-        return taken(self, index)
-
     def validate(self, count: int) -> None:
         """Raise ``InvalidScanError`` if a shape is not (count,), or a value, deviation or probability is none."""
-        for column in fields(self):
-            values = getattr(self, column.name)
-            if values.shape != (count,):
-                raise InvalidScanError(f"detections.headings.{column.name} has shape {values.shape}, not {(count,)}")
-            if not np.isfinite(values).all():
-                raise InvalidScanError(f"detections.headings.{column.name} holds a value that is not finite")
+        _check_finite("headings", self, count)
         if (self.std_rad <= 0.0).any():
             raise InvalidScanError("detections.headings.std_rad must be positive")
         if ((self.flip_probability < 0.0) | (self.flip_probability > 1.0)).any():
@@ -156,6 +139,15 @@ class Detections:
             _check_between("correlation", self.correlation, len(self), -1)
         if self.score is not None:
             _check_between("score", self.score, len(self), 0)
+
+
+def _check_finite(name: str, rows: BodySizes | BodyHeadings, count: int) -> None:
+    for column in fields(rows):
+        values = getattr(rows, column.name)
+        if values.shape != (count,):
+            raise InvalidScanError(f"detections.{name}.{column.name} has shape {values.shape}, not {(count,)}")
+        if not np.isfinite(values).all():
+            raise InvalidScanError(f"detections.{name}.{column.name} holds a value that is not finite")
 
 
 def _check_between(name: str, values: FloatArray, count: int, least: int) -> None:

@@ -31,7 +31,6 @@ class Perception(Protocol):
 
     def bodies(self, look: Look, tracks: Tracks) -> Bodies:
         """Return what is believed of the vehicles around the ego, all of step 0."""
-        ...
 
 
 class TruePerception:

@@ -52,24 +52,19 @@ class Failure(Protocol):
     @property
     def vehicle_id(self) -> str:
         """Return the vehicle."""
-        ...
 
     @property
     def subject(self) -> Subject:
         """Return what the pictures are about."""
-        ...
 
     def sentence(self) -> str:
         """Return a sentence on what happened."""
-        ...
 
     def moments(self, run: RecordedRun) -> list[tuple[int, str]]:
         """Return the steps that are drawn, with their headings."""
-        ...
 
     def replayed_s(self, run: RecordedRun) -> tuple[float, float]:
         """Return when the replay begins and stops."""
-        ...
 
 
 @dataclass(frozen=True)

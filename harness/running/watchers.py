@@ -28,7 +28,6 @@ class ParticleFilter(Protocol):
     @property
     def mixture(self) -> Mixture:
         """The belief after the last scan."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,6 @@ class DiagnosedTracker(Protocol):
     @property
     def last_report(self) -> StepReport:
         """What happened inside the last step."""
-        ...
 
 
 @dataclass

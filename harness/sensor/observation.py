@@ -66,7 +66,6 @@ class Sensor(Protocol):
 
     def model(self, road: Road | None = None) -> SensorModel:
         """Return what a tracker may know of this sensor on a road before the first scan."""
-        ...
 
     def observe(self, frame: Frame, road: Road, rng: np.random.Generator) -> Observation:
         """Look at the frame from its ego vehicle.
@@ -77,4 +76,3 @@ class Sensor(Protocol):
         Returns:
             The observation; detections are in an order that tells nothing of the vehicles.
         """
-        ...

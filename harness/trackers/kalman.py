@@ -39,12 +39,10 @@ class BirthSpread(Protocol):
     @property
     def birth_speed_std_mps(self) -> float:
         """Deviation of the speed around the ego's, where speed is not measured, m/s."""
-        ...
 
     @property
     def birth_lat_speed_std_mps(self) -> float:
         """Deviation of the lateral speed around zero, m/s."""
-        ...
 
 
 def predict_constant_velocity(

@@ -34,7 +34,6 @@ class Tracker(Protocol):
         Raises:
             InvalidScanError: The scan holds impossible values, or its time is not later than the last one's.
         """
-        ...
 
 
 @runtime_checkable
@@ -43,7 +42,6 @@ class TruthAssociatedTracker(Protocol):
 
     def step_associated(self, scan: Scan, truth_id: npt.NDArray[np.str_]) -> Tracks:
         """Take in one scan with the true origin of each detection (empty for clutter), shape (d,)."""
-        ...
 
 
 @runtime_checkable
@@ -53,7 +51,6 @@ class TellsUnseen(Protocol):
     @property
     def unseen(self) -> Unseen:
         """What it expects after the last scan."""
-        ...
 
 
 AnyTracker = Tracker | TruthAssociatedTracker
@@ -71,4 +68,3 @@ class TrackerFactory(Protocol):
 
     def __call__(self, setting: TrackerSetting, options: Mapping[str, object]) -> AnyTracker:
         """Return a fresh tracker."""
-        ...

@@ -88,11 +88,9 @@ class TruthSource(Protocol):
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order, warm-up left out. May be called once."""
-        ...
 
     def close(self) -> None:
         """Release what the source holds; harmless to call twice."""
-        ...
 
 
 ROAD_OF_RECORDING = "recording"

@@ -11,7 +11,7 @@ from mmpf.belief.sizes import with_measured_sizes
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.protocol import MotionModel, TakesHeadings
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, turned
 from mmpf.options.filter import BirthOptions, FilterOptions
 from mmpf.scan import Detections
 
@@ -67,7 +67,7 @@ def give_birth(
     state = _draw_states(births, particles, options.birth, rng)
     latents = motion.draw_latents(state, rng)
     if isinstance(motion, TakesHeadings) and detections.headings is not None:
-        latents = motion.towards(latents, detections.headings.take(chosen), rng)
+        latents = motion.towards(latents, taken(detections.headings, chosen), rng)
     even = np.full(state.shape[1], -np.log(particles))
     cloud = ParticleCloud(
         state=state,
@@ -79,7 +79,7 @@ def give_birth(
     )
     components = births.components
     if detections.sizes is not None:
-        components = with_measured_sizes(components, np.arange(len(chosen)), detections.sizes.take(chosen))
+        components = with_measured_sizes(components, np.arange(len(chosen)), taken(detections.sizes, chosen))
     return mixture.keep_and_join(keep, cloud, components)
 
 

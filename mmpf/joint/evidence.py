@@ -12,7 +12,7 @@ from mmpf.joint.sources import sources_of
 from mmpf.motion.guided import HEADING
 from mmpf.motion.pointing import heading_ratio
 from mmpf.motion.state import LAT, LON, SPEED
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray, taken
 from mmpf.numerics.kernels import kernel
 from mmpf.scan import BodyHeadings, Detections, SensorModel
 
@@ -213,7 +213,7 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
     )
     np.exp(values, out=values)
     if detections.headings is not None and mixture.has_headings:
-        _weigh_headings(mixture, component, detections.headings.take(detection), starts, values)
+        _weigh_headings(mixture, component, taken(detections.headings, detection), starts, values)
     return GatedLikelihoods(component, detection, values, starts)
 
 
@@ -223,7 +223,7 @@ def _weigh_headings(
     """Multiply likelihoods by those of measured directions, in place; arguments are as in ``gated_likelihoods``."""
     sizes = np.diff(starts)
     particle = np.arange(starts[-1]) + np.repeat(mixture.starts[component] - starts[:-1], sizes)
-    measured = headings.take(np.repeat(np.arange(len(component)), sizes))
+    measured = taken(headings, np.repeat(np.arange(len(component)), sizes))
     values *= heading_ratio(mixture.cloud.latents[HEADING, particle], measured)
 
 

@@ -41,7 +41,7 @@ from mmpf.joint.sources import Sources, sources_of
 from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel, spreads_speed
 from mmpf.motion.state import LAT, LON
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, taken
 from mmpf.options.filter import OTHER_SPEED_ERROR, FilterOptions, ModelErrorOptions
 from mmpf.options.joint import JointAssociation
 from mmpf.scan import Detections, Scan, SensorModel
@@ -239,7 +239,7 @@ class JointUpdate:
         by = marginals.probability[hit].argmax(axis=1)
         if self.joint.noise.learned:
             sources = with_innovations(sources, moments, hit, by, situation, self.joint.noise)
-        return sources if sizes is None else with_measured_sizes(sources, hit, sizes.take(by))
+        return sources if sizes is None else with_measured_sizes(sources, hit, taken(sizes, by))
 
     def _resample(self, posterior: Mixture, was_hit: BoolArray, rng: np.random.Generator) -> tuple[Mixture, float]:
         particles, options = self.options.particles, self.joint.resampling

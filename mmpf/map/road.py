@@ -64,98 +64,77 @@ class Road(Protocol):
     @property
     def section_m(self) -> tuple[float, float]:
         """Longitudinal positions at which the section that is scored starts and ends."""
-        ...
 
     @property
     def lanes(self) -> tuple[Lane, ...]:
         """The strips along the road; none where lanes are of any shape."""
-        ...
 
     @property
     def reference_xy(self) -> tuple[tuple[float, float], ...]:
         """Points (x, y) of the line that carries the frame, metres, at least two."""
-        ...
 
     @property
     def reference_start_m(self) -> float:
         """Longitudinal position of that line's first point."""
-        ...
 
     @property
     def walls_xy(self) -> FloatArray | None:
         """Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4)."""
-        ...
 
     @property
     def graph(self) -> LaneGraph | None:
         """Lanes of any shape; None where there are strips."""
-        ...
 
     @property
     def has_headings(self) -> bool:
         """Whether vehicles point any way in the frame, so that the direction of each is a thing to know."""
-        ...
 
     @property
     def signals(self) -> int:
         """How many traffic signals there are."""
-        ...
 
     @property
     def is_straight(self) -> bool:
         """Whether the frame is the Cartesian plane up to a turn and a shift."""
-        ...
 
     def heading_at(self, lon_m: FloatArray) -> FloatArray:
         """Return the Cartesian direction of the frame's longitudinal axis, radians, the shape of ``lon_m``."""
-        ...
 
     def shifted(self, left_m: float) -> Road:
         """Return the road with its lanes so far to the left, of lanes of any shape towards larger y."""
-        ...
 
     def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Map positions to Cartesian x and y, metres, in the arguments' shape."""
-        ...
 
     def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Undo ``to_cartesian`` for places of shape (n,)."""
-        ...
 
     def axis_of(self, heading_rad: FloatArray) -> FloatArray:
         """Return along what direction, against the frame's axis, vehicles of these headings are measured, (n,)."""
-        ...
 
     def lane_heading_at(self, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
         """Return the Cartesian direction of the nearest lane at positions, nan where there is none, (n,)."""
-        ...
 
     def to_stop_line_m(self, lon_m: FloatArray, lat_m: FloatArray, heading_rad: FloatArray) -> FloatArray | None:
         """How far ahead of vehicles a signal or right of way may hold them, inf for none, (n,); None if unknown."""
-        ...
 
     def on_a_lane(self, lon_m: FloatArray, lat_m: FloatArray) -> BoolArray:
         """Return whether positions are on a lane, (n,)."""
-        ...
 
     def speed_limit_of(self, lane: IntArray) -> FloatArray:
         """Return the speed limit, m/s, of lanes by their numbers, nan where none is known, (n,)."""
-        ...
 
     def across_m(self, lon_m: tuple[float, float], lat_m: float, half_m: float) -> tuple[float, float]:
         """Return from where to where what lies between two longitudinal positions reaches across.
 
         Where the frame itself has no answer that is ``half_m`` around a lateral position between the ends.
         """
-        ...
 
     def lines(self) -> Iterator[LaneLine]:
         """Yield the lanes of any shape; strips along the road are none."""
-        ...
 
     def walls_near(self, x: float, y: float, within_m: float) -> FloatArray:
         """Return the walls that come nearer to a place than a distance, metres, shape (k, 4)."""
-        ...
 
     def draw_on_lanes(
         self,
@@ -173,19 +152,16 @@ class Road(Protocol):
             Longitudinal and lateral positions and the lanes' directions against the frame's axis, each (count,); fewer
             where next to no lane is in reach.
         """
-        ...
 
     def draw_beside_lanes(
         self, per_km: float, around: tuple[float, float], rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Draw where things stand for good, so many per km of lane; as ``draw_on_lanes`` returns them."""
-        ...
 
     def moved(
         self, lon_m: FloatArray, lat_m: FloatArray, axis_rad: FloatArray, way_m: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return where those come that go so far along the lanes: positions and directions as before."""
-        ...
 
     def come_round(
         self, lon_m: FloatArray, lat_m: FloatArray, ego: tuple[float, float], range_m: float
@@ -194,11 +170,9 @@ class Road(Protocol):
 
         Along one road what is left behind comes in again at the other end of the range.
         """
-        ...
 
     def lane_area_m2(self, range_m: float, width_m: float) -> float:
         """Return over what ground false detections spread: the lanes in range, one road's as wide as ``width_m``."""
-        ...
 
 
 def wall_bodies(walls_xy: FloatArray) -> FloatArray:

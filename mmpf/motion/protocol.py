@@ -52,7 +52,6 @@ class NeighbourView(Protocol):
 
     def take(self, index: IntArray) -> Neighbour:
         """Return the neighbours of some of the particles."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,6 @@ class MotionModel(Protocol):
         Returns:
             Latents, shape (latent_size, n).
         """
-        ...
 
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
@@ -150,7 +148,6 @@ class MotionModel(Protocol):
             Next states, shape (6, n), and next latents, shape (latent_size, n). Finite, and never with a negative
             longitudinal speed, whatever the surroundings.
         """
-        ...
 
 
 @runtime_checkable
@@ -165,7 +162,6 @@ class TakesHeadings(Protocol):
             headings: The measured directions, of shape (k,).
             rng: Source of randomness.
         """
-        ...
 
 
 def spreads_speed(motion: MotionModel) -> bool:
@@ -240,7 +236,6 @@ class MotionModelFactory(Protocol):
 
     def __call__(self) -> MotionModel:
         """Return the model with its default parameters."""
-        ...
 
 
 _PLACES = {

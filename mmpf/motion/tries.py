@@ -38,7 +38,6 @@ class TriesMore(Protocol):
         Returns:
             The logarithm of prior over proposal density, shape (n,).
         """
-        ...
 
 
 def log_prior_over_tried(

@@ -46,7 +46,6 @@ class Proposal(Protocol):
         Returns:
             Next states, next latents, and the logarithm of prior over proposal density at the states drawn, (n,).
         """
-        ...
 
 
 def bootstrap_proposal(

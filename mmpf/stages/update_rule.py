@@ -94,27 +94,21 @@ class UpdateRule(Protocol):
     @property
     def reach(self) -> Reach:
         """How well the sensor sees at each distance, as far as the rule learns it."""
-        ...
 
     def motion(self, model: MotionModel) -> MotionModel:
         """Return how particles move: the model, and what the rule adds to it."""
-        ...
 
     def model_error(self, model: MotionModel) -> ModelErrorOptions:
         """Return the noise that is added to the model's prediction, with a number for the speed."""
-        ...
 
     def prepare(self, scan: Scan) -> Scan:
         """Return the scan as the rule uses it."""
-        ...
 
     def first(self, count: int) -> Components:
         """Return the components of the first scan, without prior knowledge: "Initialization"."""
-        ...
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
         """Compute which components cannot be seen: "Complete occlusion assertion"."""
-        ...
 
     def measurement_update(
         self,
@@ -125,19 +119,15 @@ class UpdateRule(Protocol):
         rng: np.random.Generator,
     ) -> Updated:
         """Weigh the particles by the detections and resample: "Measurement update", equations (5) to (11)."""
-        ...
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
         """Adapt the number of components: "Remove & Add & Merge"."""
-        ...
 
     def finetune(self, mixture: Mixture, moments: Moments, situation: Situation, rng: np.random.Generator) -> Finetuned:
         """Decide which particle and which identity belongs to which component: "Finetune"."""
-        ...
 
     def weight_update(self, mixture: Mixture) -> Mixture:
         """Recompute particle and component weights: "Weight update"."""
-        ...
 
 
 def outside_observation_area(lon_m: FloatArray, lat_m: FloatArray, situation: Situation, margin_m: float) -> BoolArray:

@@ -31,11 +31,9 @@ class OnRoad(Protocol):
 
     def motion(self, model: MotionModel) -> MotionModel:
         """Return how a model's vehicles move on this road."""
-        ...
 
     def traffic(self, place: FloatArray, speed_mps: FloatArray) -> Traffic:
         """Return speeds of vehicles at places, shape (2, k)."""
-        ...
 
     def surroundings(self, belief: Belief, before: Scan, now: Scan) -> Surroundings:
         """Return what each particle knows of road and traffic; asked once a scan, in order.
@@ -45,11 +43,9 @@ class OnRoad(Protocol):
             before: The scan that the belief is of.
             now: The present scan.
         """
-        ...
 
     def reported(self, mixture: Mixture, moments: Moments) -> tuple[Mixture, Moments]:
         """Return what of the belief is reported, with its components' moments."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ class Driver(Protocol):
 
     def command(self, belief: Belief) -> Command:
         """Return what it would do at each step of a belief."""
-        ...
 
 
 class DriverFactory(Protocol):
@@ -36,7 +35,6 @@ class DriverFactory(Protocol):
 
     def __call__(self) -> Driver:
         """Return one."""
-        ...
 
 
 drivers: Registry[DriverFactory] = Registry(

@@ -24,11 +24,9 @@ class HasPlace(Protocol):
     @property
     def name(self) -> str:
         """True identity."""
-        ...
 
     def place_at(self, time_s: float) -> tuple[float, float]:
         """Return the longitudinal and lateral position at a time."""
-        ...
 
 
 class TrackerCheckError(AssertionError):

@@ -25,7 +25,7 @@ from harness.trackers.kalman import (
 from harness.trackers.rivals.boxes import FlatBoxes, generalised_overlap
 from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.options import RivalOptions
-from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, taken, wrapped
 from mmpf.options.base import NotNegative, Positive, in_unit
 from mmpf.options.filter import Footprint
 from mmpf.scan import Detections, EgoPose
@@ -139,14 +139,14 @@ def taken_in(
     size_m, size_variance = tracks.size_m.copy(), tracks.size_variance_m2.copy()
     heading, heading_variance = tracks.heading_rad.copy(), tracks.heading_variance.copy()
     if detections.sizes is not None:
-        sizes = detections.sizes.take(detection)
+        sizes = taken(detections.sizes, detection)
         measured = np.column_stack([sizes.length_m, sizes.width_m])
         noise = np.column_stack([sizes.std_length_m, sizes.std_width_m]) ** 2
         gain = size_variance[index] / (size_variance[index] + noise)
         size_m[index] += gain * (measured - size_m[index])
         size_variance[index] *= 1.0 - gain
     if detections.headings is not None:
-        headings = detections.headings.take(detection)
+        headings = taken(detections.headings, detection)
         off = wrapped(headings.heading_rad - heading[index])
         # A front taken for a back: what is measured then turns round (AB3DMOT's orientation correction).
         off = np.where(np.abs(off) > 0.5 * np.pi, wrapped(off + np.pi), off)

@@ -33,15 +33,12 @@ class Sumo(Protocol):
 
     def simulationStep(self) -> object:  # noqa: N802  (SUMO's name)
         """Advance by one step."""
-        ...
 
     def isLoaded(self) -> bool:  # noqa: N802  (SUMO's name)
         """Whether a simulation is open."""
-        ...
 
     def close(self) -> None:
         """End the simulation."""
-        ...
 
 
 def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = False) -> Sumo:

@@ -187,19 +187,15 @@ class RoadTraffic(Protocol):
 
     def fill(self) -> None:
         """Put traffic on the road before the warm-up."""
-        ...
 
     def wait(self) -> None:
         """Go on until there can be an ego; an error where none ever appears."""
-        ...
 
     def read(self) -> object:
         """Return the vehicles as they are now."""
-        ...
 
     def present(self, step: int, time_s: float) -> Frame:
         """Return the vehicles as they are now, as a frame of a time, with neither an ego nor a past."""
-        ...
 
     def frame(self, window: Sequence[Any], step: int, ego: str | None) -> Frame | None:
         """Return the frame in the middle of readings, smoothed.
@@ -209,7 +205,6 @@ class RoadTraffic(Protocol):
             step: Number of the frame.
             ego: The ego so far, empty for none: the frame's is it, or if it has left another one. None asks for none.
         """
-        ...
 
 
 class SumoTruth:

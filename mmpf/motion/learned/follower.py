@@ -35,7 +35,6 @@ class Follower(Protocol):
         There may be fewer rows: the others are a memory, zero at birth, which a particle keeps when its driver is drawn
         anew.
         """
-        ...
 
     def accelerations(
         self,
@@ -56,7 +55,6 @@ class Follower(Protocol):
             dt_s: Length of the step.
             rng: Source of randomness.
         """
-        ...
 
 
 def follows(leader: Neighbour) -> BoolArray:
