@@ -114,7 +114,7 @@ def test_a_packed_file_that_is_cut_or_holds_too_much_is_refused_in_one_line(tmp_
         opened(packed)
     packed.write_bytes(content)
     packed.write_bytes(gzip.compress(b"<fcd-export>" + b"<a/>" * (1 << 20) + b"<b><!--" + b" " * (64 << 20)))
-    monkeypatch.setattr("harness.common.isolation.Limits.cpu_s", 1)
+    monkeypatch.setattr("harness.common.isolation.ProcessLimits.cpu_s", 1)
     with pytest.raises(InputError, match=r"fcd\.xml\.gz \(fcd\): it took more than 1 s"):
         opened(packed)
 
