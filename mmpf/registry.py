@@ -30,10 +30,13 @@ class PartMissingError(UnknownNameError):
 
 @dataclass(frozen=True)
 class Entry:
-    """Where a named thing is, ``module:attribute``; nothing of it is imported before it is asked for.
+    """Where a named thing is; nothing of it is imported before it is asked for.
 
-    ``about`` is one line, ``extra`` an optional part of the package that it needs, ``needs`` what that part installs,
-    for people; empty for the name of the module that is missing.
+    Attributes:
+        place: ``module:attribute``.
+        about: One line about it.
+        extra: Optional part of the package that it needs.
+        needs: What that part installs, for people; empty for the name of the module that is missing.
     """
 
     place: str
@@ -176,10 +179,13 @@ def _package(point: EntryPoint) -> str:
 
 
 def names_of_stub(module: str, file: str) -> tuple[Callable[[str], Any], list[str]]:
-    """Return a module's ``__getattr__`` and ``__all__``: the names of the stub beside its file, imported on first use.
+    """Return a module's ``__getattr__`` and ``__all__``: the names of the stub beside it, imported on first use.
 
-    As in SPEC 1 of Scientific Python: type checkers read the stub, ``.pyi``, which has nothing but ``from module import
-    name as name``, and what is not used is not imported.
+    As in SPEC 1 of Scientific Python: type checkers read the stub, and what is not used is not imported.
+
+    Args:
+        module: The module's name.
+        file: Its ``__file__``; the stub, ``.pyi``, has nothing but ``from module import name as name``.
     """
     stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
     lines = [line for line in stub.body if isinstance(line, ast.ImportFrom)]

@@ -33,7 +33,11 @@ class BodySizes:
     std_width_m: FloatArray
 
     def validate(self, count: int) -> None:
-        """Raise ``InvalidScanError`` if a shape is not (count,), or a value is not finite or not positive."""
+        """Check the arrays for their shape and for values that no measurement has.
+
+        Raises:
+            InvalidScanError: A shape is not (count,), or a value is not finite or not positive.
+        """
         _check_finite("sizes", self, count)
         for column in fields(self):
             if (getattr(self, column.name) <= 0.0).any():
@@ -55,7 +59,12 @@ class BodyHeadings:
     flip_probability: FloatArray
 
     def validate(self, count: int) -> None:
-        """Raise ``InvalidScanError`` if a shape is not (count,), or a value, deviation or probability is none."""
+        """Check the arrays for their shape and for values that no measurement has.
+
+        Raises:
+            InvalidScanError: A shape is not (count,), a value is not finite, a deviation not positive, or a probability
+                not one.
+        """
         _check_finite("headings", self, count)
         if (self.std_rad <= 0.0).any():
             raise InvalidScanError("detections.headings.std_rad must be positive")
@@ -271,9 +280,14 @@ class SensorModel:
 def check_scan(scan: Scan, previous_time_s: float | None, signals: int | None = None) -> None:
     """Refuse a scan that no sensor can have made, or that does not follow the previous one.
 
+    Args:
+        scan: The scan.
+        previous_time_s: Time of the scan before it; None at the first.
+        signals: How many signals the map has; None if that is not known.
+
     Raises:
-        InvalidScanError: The time is not finite or not later than the previous one, the ego's pose is not finite, the
-            detections are impossible (``Detections.validate``), or states of other signals are told than there are.
+        InvalidScanError: The time is not finite or not later than the previous one, the ego's pose is not finite,
+            the detections are impossible (``Detections.validate``), or states of other signals are told than there are.
     """
     if not np.isfinite(scan.time_s):
         raise InvalidScanError(f"scan.time_s is {scan.time_s}, not a finite time")

@@ -32,7 +32,15 @@ class Layout:
 
 @dataclass(frozen=True)
 class Arms:
-    """The values of one metric in both arms, of a tracker and model; in the same order where paired."""
+    """The values of one metric in both arms.
+
+    Attributes:
+        label: What is compared: tracker and model.
+        quantity: What the values are of.
+        a: Values of the first arm, shape (n,).
+        b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
+        layout: What they belong to.
+    """
 
     label: str
     quantity: Quantity
@@ -68,7 +76,11 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
 def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0) -> str:
     """Return a sentence on the values that a has and b lacks; empty where few are missing or a has none.
 
-    Which values of either arm are there is told one by one, where paired in the same order.
+    Args:
+        a: Which values of the first arm are there, shape (n,).
+        b: Likewise of the second, shape (n,) where paired, else of any length.
+        paired: Whether they belong together one by one.
+        tolerated: Share of a's values that may be lost.
     """
     if not a.any():
         return ""

@@ -128,11 +128,16 @@ class Judgement:
 
 
 def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: bool = False) -> Judgement:
-    """Compare b with a, by rules or the usual ones.
+    """Compare b with a.
 
     Runs on the same traffic (same settings and seed) are paired. Without common seeds, whole arms are compared, which
-    needs larger differences. Two single runs on the same traffic are paired vehicle by vehicle. Different experiments
-    are compared where that is allowed, with what differs at the top.
+    needs larger differences. Two single runs on the same traffic are paired vehicle by vehicle.
+
+    Args:
+        a: The first side, the older one perhaps.
+        b: The second.
+        rules: What is judged, and how much worse is put up with; None for the usual.
+        allow_different: Whether different experiments are compared too, with what differs at the top.
 
     Raises:
         InputError: They are different experiments, have no tracker or no setting in common, or are single runs on

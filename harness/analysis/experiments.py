@@ -40,7 +40,11 @@ def settings_of_grid(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of(nested: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of a configuration by key, defaults filled in, or raise an ``InputError``."""
+    """Return the settings of a configuration by key, defaults filled in.
+
+    Raises:
+        InputError: It is none.
+    """
     usual = RunConfig(tracker=TrackerConfig(name=str(nested.get("tracker", {}).get("name", "mmpf"))))
     return dict(leaves(usual.model_dump())) | dict(leaves(config_from_table(dict(nested)).model_dump()))
 

@@ -35,7 +35,13 @@ class Gate(BaseModel):
     metrics: dict[str, MetricGate] = Field(default_factory=dict)
 
     def rules(self, tolerance: float | None, time_tolerance: float | None, primary: tuple[str, ...] | None) -> Rules:
-        """Return the rules of a comparison; what is given goes before the file's."""
+        """Return the rules of a comparison.
+
+        Args:
+            tolerance: Goes before that of the file; None for that.
+            time_tolerance: Likewise.
+            primary: Likewise, of the metrics that are judged.
+        """
         return Rules(
             self.tolerance if tolerance is None else tolerance,
             self.time_tolerance if time_tolerance is None else time_tolerance,
@@ -45,7 +51,11 @@ class Gate(BaseModel):
 
 
 def read_gate(path: Path | None) -> Gate:
-    """Return the requirements in a file, or the defaults without one; a wrong one is an ``InputError``."""
+    """Return the requirements in a file, or the defaults without a file.
+
+    Raises:
+        InputError: It can't be read, or asks for something that there is not.
+    """
     if path is None:
         return Gate()
     try:

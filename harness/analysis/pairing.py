@@ -17,9 +17,14 @@ MOST_LISTED = 4
 
 @dataclass(frozen=True)
 class Pairing:
-    """Rows of two tables of runs that are compared, in the same order where paired.
+    """Which rows of two tables of runs are compared.
 
-    ``units`` names the independent units, in the plural; ``lacking`` tells what each side lacks of the other's runs.
+    Attributes:
+        of_a: Rows of the first, shape (n,).
+        of_b: Rows of the second, in the same order where paired, shape (m,).
+        layout: What they belong to.
+        units: What the independent units are, in the plural.
+        lacking: What each side lacks of the other's runs, a sentence each.
     """
 
     of_a: IntArray

@@ -68,7 +68,15 @@ def pooled_name(quantity: Quantity) -> str:
 
 @dataclass(frozen=True)
 class Mean:
-    """A tracker's mean of a quantity over all files, None without a sample, and its bootstrap interval over files."""
+    """A mean over all files.
+
+    Attributes:
+        tracker: The tracker with its settings and model.
+        quantity: Key of the quantity.
+        mean: The mean; None without a sample.
+        ci95: Bootstrap interval over files; None with fewer than two files.
+        n: Samples behind it.
+    """
 
     tracker: str
     quantity: str

@@ -13,7 +13,14 @@ COMPARE = "compare"
 
 
 def evidence_of(folder: Path) -> Evidence:
-    """Return what scoring finds out about a finished run, or raise an ``InputError`` over a broken table."""
+    """Return what scoring finds out about a run.
+
+    Args:
+        folder: The folder of a finished run.
+
+    Raises:
+        InputError: A table is missing or broken.
+    """
     with sound_tables(folder, COMPARE):
         return gather(
             runfolder.read_table(folder, runfolder.TRUTH, COMPARE),

@@ -69,7 +69,14 @@ def closeness(truth: TruthRows, vehicles: int) -> FloatArray:
 
 
 def ratio_by_vehicle(values: FloatArray, vehicle: IntArray, vehicles: int, scale: float = 1.0) -> ByVehicle:
-    """Return a scaled mean over rows, (n,), as one over vehicles, which are numbered from 0."""
+    """Return a mean over rows as one over vehicles.
+
+    Args:
+        values: Value of each row, shape (n,).
+        vehicle: Vehicle of each row, from 0, shape (n,).
+        vehicles: Number of all vehicles.
+        scale: What the mean is multiplied by.
+    """
     counts = np.bincount(vehicle, minlength=vehicles).astype(np.float64)
     sums = scale * np.bincount(vehicle, weights=values, minlength=vehicles)
     total = counts.sum()

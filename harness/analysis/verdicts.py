@@ -48,10 +48,15 @@ FEWEST_TOLD = 5.0
 
 @dataclass(frozen=True)
 class Limit:
-    """What is asked of one metric alone; a tolerance that is none is an ``InputError``.
+    """What is asked of one metric alone.
 
-    ``tolerance`` is the share of a's value by which b may be worse, None for that of all metrics; b's value may not be
-    below the floor or above the ceiling.
+    Attributes:
+        tolerance: Share of a's value by which b may be worse; None for that of all metrics.
+        floor: What b's value may not be below; None for none.
+        ceiling: What it may not be above; None for none.
+
+    Raises:
+        InputError: The tolerance is not a number or out of range.
     """
 
     tolerance: float | None = None
@@ -196,9 +201,15 @@ class Verdict:
 
 
 def judge(measured: Sequence[MetricDifference], rules: Rules | None = None) -> list[Verdict]:
-    """Return a verdict on every metric that is judged, and a description of the others, in their order.
+    """Give a verdict on every metric that is judged, and describe the others.
 
-    The probability that any of them is worse though nothing differs is at most 5 %, and so is that of better.
+    Args:
+        measured: The differences.
+        rules: What is judged, and how much worse is put up with; None for the usual.
+
+    Returns:
+        A verdict each, in their order. The probability that any of them is worse though nothing differs is at most
+        5 %, and so is that of better.
     """
     rules = rules or Rules()
     # Equal bytes are no sample: nothing has changed, however few runs there are.

@@ -57,7 +57,14 @@ class FinishedDrives:
 
 @dataclass(frozen=True)
 class Execution:
-    """How drives are made; ``timeout_s`` is for a seed's traffic, and for a drive."""
+    """How drives are made.
+
+    Attributes:
+        workers: Number of processes.
+        timeout_s: Longest time for a seed's traffic, and for a drive; None for no limit.
+        resume: Whether drives that the folder already holds are kept.
+        retry_failed: Whether those of them that failed are made again.
+    """
 
     workers: int
     timeout_s: float | None = None
@@ -72,7 +79,14 @@ def run_drives(
     user: Telling | None = None,
     command: str = "",
 ) -> FinishedDrives:
-    """Drive every episode by every belief and write the folder; ``command`` is what the user typed, for the manifest.
+    """Drive every episode by every belief and write the folder.
+
+    Args:
+        request: Episodes and beliefs.
+        out: The folder.
+        how: How they are made.
+        user: How the user is told of what goes on; None for not at all.
+        command: What the user typed, for the manifest.
 
     Raises:
         InputError: The request or the folder is wrong; nothing was driven.

@@ -83,8 +83,12 @@ def episode_starts(
 ) -> Iterator[EpisodeStart | str]:
     """Yield a start of each kind while the traffic stands at it, in order of time; a kind alone if none is found.
 
-    Each kind has the same draws whichever others are asked for. The traffic, which flows at ``flow_mps`` if that is
-    told, goes on between starts of episodes.
+    Args:
+        traffic: The traffic; it goes on between starts of episodes.
+        kinds: Kinds of episodes, each once.
+        settings: The sensor.
+        rng: Decides between candidates. Each kind has the same draws whichever others are asked for.
+        flow_mps: Speed at which the traffic is to flow; None where it is not told.
     """
     step_s, waiting = traffic.step_s, [kind for kind in kinds if kind != CROSS or _has_right_of_way(traffic)]
     spawned = rng.spawn(max(STREAMS.values()) + 1)

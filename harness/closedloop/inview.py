@@ -40,7 +40,15 @@ def stands_ahead(
 ) -> Placement | None:
     """Return where a vehicle can be put that stands in a car's lane, out of its sensor's range but soon in plain view.
 
-    It is None where somebody is between, or the road ends, or the ego is no part of traffic that flows at ``flow_mps``.
+    Args:
+        traffic: The traffic.
+        row: Row of the present frame that is the ego's.
+        range_m: The sensor's range.
+        vehicle: The vehicle that is to stand there.
+        flow_mps: Speed at which the traffic is to flow; None for any.
+
+    Returns:
+        Where; None where somebody is between, or the road ends, or the ego is no part of the flow.
     """
     now, network = traffic.frames[-1], traffic.network
     speed_mps, front_m = float(now.speed_mps[row]), float(now.lon_m[row] + 0.5 * now.length_m[row])

@@ -81,7 +81,12 @@ class Passage:
             self._waited += course.speed_mps < WAITS_MPS
 
     def crossed(self, provoked: str, contact: Contact | None) -> Crossed:
-        """Return the outcome of the first crossing, with the vehicle that the episode provokes, empty for none."""
+        """Return the outcome of the first crossing.
+
+        Args:
+            provoked: The vehicle that the episode provokes; empty for none.
+            contact: The ego's collision; None for none.
+        """
         holds = np.array(self._holds, dtype=bool).reshape(-1, 2)
         names = self._had_way | ({provoked} - {""})
         met = {name: found for name in sorted(names) if (found := self._encounter(name)) is not None}

@@ -43,7 +43,24 @@ DETECTED = 0.35
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """A closed loop as the user wrote it; ``harness.closedloop.options`` says what each means."""
+    """A closed loop as the user wrote it.
+
+    Attributes:
+        beliefs: What the ego drives by, a list.
+        episodes: How many, half of them provoked.
+        seed: Seed of the first two; each pair has its own.
+        net: Network by name or path.
+        density: Vehicles per km and lane; None with ``demand``, or for the network's default.
+        demand: Named demand.
+        driver: Driver by name, or module:factory.
+        sensor: Sensor profile.
+        provoke: Kinds of provocation, a list, in turns.
+        heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
+        settings: ``KEY=VALUE`` words that hold for all.
+        flow: Speed at which the traffic flows, metres a second; None for one that each seed draws where a vehicle is
+            to stand in the way, elsewhere for the network's.
+        detected: Share of scans in which the leader of an episode ``dark`` is detected; None for the usual.
+    """
 
     beliefs: str
     episodes: int
@@ -70,9 +87,13 @@ class DriveRequest:
 
 @dataclass(frozen=True)
 class PlannedDrive(PlannedRun):
-    """One episode of a kind, ``free`` or how it is provoked, driven by one belief, which ``variant`` names.
+    """One episode driven by one belief; ``variant`` is the belief.
 
-    ``heed_unseen`` is None for never, ``flow_mps`` for the network's speed and ``detected`` but in an episode ``dark``.
+    Attributes:
+        kind: ``free``, or how it is provoked.
+        heed_unseen: From which probability of an unseen vehicle in its way on the ego holds; None for never.
+        flow_mps: Speed at which the seed's traffic flows; None for the network's.
+        detected: Share of scans in which the leader of an episode ``dark`` is detected; None of others.
     """
 
     kind: str = FREE

@@ -50,7 +50,14 @@ class Setting:
 
 
 def all_settings(word: str = "") -> list[Setting]:
-    """Return what can be set and has a word in its key or kind, group by group; nothing is an ``InputError``."""
+    """Return what can be set, group by group.
+
+    Args:
+        word: Only what has this in its key or kind; everything if empty.
+
+    Raises:
+        InputError: Nothing has.
+    """
     found = [row for row in _everything() if word.lower() in row.key.lower() or word.lower() in row.kind]
     if not found:
         raise InputError(f"`word` {word!r}: no setting has that in its name; leave it out to see all of them")

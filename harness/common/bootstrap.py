@@ -31,8 +31,17 @@ def bootstrap_ci(
 ) -> Interval:
     """Return the percentile bootstrap interval of a mean, resampling whole groups (Efron & Tibshirani 1993, ch. 13).
 
-    Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent; without
-    groups of values, both of shape (n,), they are. nan is left out; bounds are nan with fewer than two groups.
+    Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent.
+
+    Args:
+        values: Values, shape (n,); nan is left out.
+        rng: Source of the resamples.
+        groups: Group of each value (vehicle, or seed), shape (n,); None resamples the single values.
+        level: Coverage.
+        draws: Number of resamples.
+
+    Returns:
+        The interval; nan bounds with fewer than two groups.
     """
     sums, counts = sums_by_label(values, np.arange(len(values)) if groups is None else groups)
     return cluster_bootstrap(sums, counts, rng, level, draws)[0]
@@ -50,16 +59,21 @@ def resampled_means(values: FloatArray, rng: np.random.Generator, draws: int) ->
 
 
 def sums_by_label(values: FloatArray, groups: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return sums and numbers of values, shape (n,), by group in the order of the labels, both of shape (groups, 1).
+    """Sum values, shape (n,), over groups with any labels, shape (n,); nan is left out, and a group of nothing else.
 
-    nan is left out, and a group of nothing else.
+    Returns:
+        Sums and numbers of values in the order of the labels, both of shape (groups, 1).
     """
     finite = np.isfinite(values)
     return group_sums(values[finite][:, None], np.unique(groups[finite], return_inverse=True)[1])
 
 
 def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return sums and numbers, (groups, k), of the finite values, (n, k), in groups numbered from 0, shape (n,)."""
+    """Sum the columns of values, shape (n, k), over groups numbered from 0, shape (n,); nan is left out.
+
+    Returns:
+        Sums and numbers of finite values, both of shape (groups, k).
+    """
     groups = int(group.max(initial=-1)) + 1
     finite = np.isfinite(values)
     sums = np.zeros((groups, values.shape[1]))

@@ -72,8 +72,13 @@ NOTHING = Effect(np.nan, np.nan, 0.0)
 def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArray) -> Effect:
     """Return the mean of b - a over pairs, whose errors are shared within a unit (a seed) and none between units.
 
-    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval; all arrays
-    are of shape (n,).
+    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval.
+
+    Args:
+        a: Values of the first arm, shape (n,).
+        b: Values of the second on the same traffic, shape (n,).
+        stratum: Setting of each pair, such as its density, shape (n,).
+        unit: Independent unit of each pair, shape (n,).
     """
     if not len(a):
         return NOTHING
@@ -83,7 +88,14 @@ def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArra
 def unpaired_effect(
     a: FloatArray, b: FloatArray, strata: tuple[IntArray, IntArray], units: tuple[IntArray, IntArray]
 ) -> Effect:
-    """Return the mean over common strata of the difference of both arms' means, on different seeds (Welch 1947)."""
+    """Return the mean over strata of the difference of both arms' means, which ran on different seeds (Welch 1947).
+
+    Args:
+        a: Values of the first arm, shape (n,).
+        b: Values of the second, shape (m,).
+        strata: Setting of each value of a, shape (n,), and of b, shape (m,); only common ones count.
+        units: Independent unit of each value, same shapes.
+    """
     common = np.intersect1d(*strata)
     if not len(common):
         return NOTHING

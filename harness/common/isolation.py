@@ -85,8 +85,15 @@ def streamed(
 ) -> Generator[T]:
     """Yield what work sends that is done in a fork, as ``isolated`` does it; within a fork it is done there.
 
-    The work is called with the function that sends; None says no more than that it goes on. It may write beneath the
-    folders, and works in the first. Errors are those of ``isolated``.
+    Args:
+        work: The work, called with the function that sends; None says no more than that it goes on.
+        place: What is read, for messages.
+        limits: What the fork may use.
+        folders: The folders beneath which it may write; it works in the first.
+
+    Raises:
+        InputError: See ``isolated``.
+        RunError: See ``isolated``.
     """
     if _within.get():
         told: list[T | None] = []

@@ -26,14 +26,27 @@ class Catalogue(Protocol[T_co]):
 
 
 def named(registry: Catalogue[T], option: str, name: str) -> T:
-    """Return the entry of the name that an option was given, or raise an ``InputError`` if there is none."""
+    """Return the entry of a name.
+
+    Args:
+        registry: Where it is looked up.
+        option: The option that the name was given for.
+        name: The name.
+
+    Raises:
+        InputError: There is none of that name, or it can't be had.
+    """
     if problem := registry.problem(name):
         raise InputError(f"`{option}`{problem}")
     return registry[name]
 
 
 def check_made(registry: Catalogue[T], option: str, name: str, thing: object) -> None:
-    """Refuse, by an ``InputError``, what an entry made if it is something else."""
+    """Refuse what an entry made if it is something else.
+
+    Raises:
+        InputError: It is.
+    """
     fault = registry.fault(thing) if registry.fault is not None else ""
     if fault:
         raise InputError(f"`{option}` {name}: it returned {type(thing).__name__}, {fault}")

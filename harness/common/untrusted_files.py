@@ -21,7 +21,15 @@ MOST_TEXT_BYTES = 16 * MB
 
 
 def checked_path(path: Path, parameter: str) -> Path:
-    """Return a path that the system can have, or raise an ``InputError`` that names the parameter."""
+    """Return a path that the system can have.
+
+    Args:
+        path: What the user or a file named.
+        parameter: Parameter that named it, for the message.
+
+    Raises:
+        InputError: A part of it is longer than a name may be, or holds what no name may.
+    """
     if "\0" in str(path):
         raise InputError(f"`{parameter}`: there is a null character in the path {str(path)[:60]!r}; leave it out")
     if not str(path).isprintable() and any(0xD800 <= ord(letter) < 0xDC80 for letter in str(path)):
@@ -34,9 +42,16 @@ def checked_path(path: Path, parameter: str) -> Path:
 
 
 def check_file(path: Path, parameter: str | None = None) -> None:
-    """Refuse, by an ``InputError``, what is there but is not a regular file, such as a pipe, which would never end.
+    """Refuse what is there but is not a regular file, such as a pipe, which would never end.
 
     A file that is missing passes: whoever reads it says so in words of its own.
+
+    Args:
+        path: The file.
+        parameter: Parameter that named it, for the message; None where the file alone is named.
+
+    Raises:
+        InputError: It is a pipe, a device or a socket, or can't be looked at.
     """
     place = f"`{parameter}`: {path}" if parameter else str(path)
     try:

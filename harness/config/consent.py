@@ -23,7 +23,16 @@ def keys_of_code() -> Iterator[str]:
 
 
 def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: Path) -> None:
-    """Refuse, by an ``InputError``, code that only a file names, and not the user's options and settings."""
+    """Refuse code that only a file names.
+
+    Args:
+        in_file: The file's content.
+        chosen: What the user's options and settings say, without the file.
+        file: The file, for the message.
+
+    Raises:
+        InputError: It would be imported.
+    """
     for key in keys_of_code():
         name = _at(in_file, key)
         if isinstance(name, str) and ":" in name and _at(chosen, key) is None:

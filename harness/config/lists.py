@@ -42,7 +42,11 @@ def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
 
 
 def seed_values(text: str, parameter: str = "seeds") -> range:
-    """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded, or raise an ``InputError``."""
+    """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded.
+
+    Raises:
+        InputError: It is neither.
+    """
     first, end = text.split(":", 1) if ":" in text else ("0", text)
     if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):
         raise InputError(

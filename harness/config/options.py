@@ -257,7 +257,12 @@ _KINDS: dict[Any, tuple[Any, str]] = {
 
 
 def checked(table: type, options: Mapping[str, object], call: str) -> dict[str, Any]:
-    """Return a call's options as the rest of the package takes them: plain Python values, paths as the table has them.
+    """Return options as the rest of the package takes them: plain Python values, paths as the table has them.
+
+    Args:
+        table: The table of options.
+        options: Values by name; None where not given.
+        call: What was called, for the message.
 
     Raises:
         InputError: There is no such option, or a value has the wrong type or is out of range.

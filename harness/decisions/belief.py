@@ -40,7 +40,13 @@ class Others:
 
 @dataclass(frozen=True)
 class Beside:
-    """A lane beside the ego's at each of n steps, if it exists, and the nearest vehicles ahead and behind on it."""
+    """A lane beside the ego's at each of n steps.
+
+    Attributes:
+        exists: Whether there is one, shape (n,).
+        leader: The nearest vehicle ahead on it.
+        follower: The nearest behind.
+    """
 
     exists: BoolArray
     leader: Others
@@ -51,9 +57,14 @@ class Beside:
 class Belief:
     """What a driver believes at each of n steps.
 
-    ``speed_mps`` and ``length_m`` are the ego's, ``speed_limit_mps`` is nan where none is known, all of shape (n,);
-    ``leaders`` are the vehicles ahead in the ego's lane, the nearest first, shape (n, 3), ``follower`` the nearest
-    behind.
+    Attributes:
+        speed_mps: The ego's speed, shape (n,).
+        length_m: The ego's length, shape (n,).
+        speed_limit_mps: Speed limit, nan where none is known, shape (n,).
+        leaders: Vehicles ahead in the ego's lane, the nearest first, shape (n, 3).
+        follower: The nearest behind in it.
+        left: The lane to the left.
+        right: The lane to the right.
     """
 
     speed_mps: FloatArray

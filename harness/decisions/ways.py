@@ -21,7 +21,14 @@ MOST_LANES = 64
 
 @dataclass(frozen=True)
 class PlacedBodies:
-    """Bodies along a way: which, how far ahead of the ego and left of the way, and their speeds along it, (k,)."""
+    """Bodies along a way.
+
+    Attributes:
+        body: Which they are, shape (k,).
+        along_m: How far ahead of the ego each is, shape (k,).
+        across_m: How far left of the way's line, shape (k,).
+        speed_mps: Its speed along the way, shape (k,).
+    """
 
     body: IntArray
     along_m: FloatArray
@@ -68,10 +75,15 @@ class Line:
 
 @dataclass(frozen=True)
 class Ways:
-    """The way through the ego's own lane, or one beside it, at each of n steps; arrays of shape (n,).
+    """The way through the ego's own lane, or one beside it, at each of n steps.
 
-    ``ego_across_m`` is how far left of it the ego is, ``ego_along_m`` the ego's arc length on it, ``line`` which of
-    ``lines`` it is.
+    Attributes:
+        exists: Whether there is one, shape (n,).
+        half_width_m: Half its lane's width, shape (n,).
+        ego_across_m: How far left of it the ego is, shape (n,).
+        ego_along_m: Arc length of the ego on it, shape (n,).
+        line: Which of ``lines`` it is, shape (n,).
+        lines: The lines.
     """
 
     exists: BoolArray

@@ -18,10 +18,13 @@ TRACKED = "tracked"
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves over the n steps of a run.
+    """Curves over the steps of a run.
 
-    ``error_m`` is the mean distance between vehicle and track of those that are followed, ``seen`` and ``hidden``, nan
-    at steps without any; ``count`` is how many there were, by what; each of shape (n,).
+    Attributes:
+        time_s: Time of each step, shape (n,).
+        error_m: Mean distance between vehicle and track of those that are followed, ``seen`` and ``hidden``, each of
+            shape (n,); nan at steps without any.
+        count: How many there were, by what, each of shape (n,).
     """
 
     time_s: FloatArray

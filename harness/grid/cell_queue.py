@@ -22,7 +22,14 @@ class CellQueue:
         return bool(self._new or self._begun)
 
     def take(self, remembered: CellTraffic | None) -> Cell:
-        """Take the next cell: of the remembered traffic, else of traffic that no worker has begun, else any."""
+        """Take the next cell: of the remembered traffic, else of traffic that no worker has begun, else any.
+
+        Args:
+            remembered: Traffic of the cell that the worker did last; None for a new one.
+
+        Raises:
+            ValueError: No cell waits.
+        """
         traffic = remembered
         if traffic not in self._begun:
             if self._new:

@@ -42,7 +42,12 @@ class GridPlan:
 
 @dataclass(frozen=True)
 class Cell:
-    """Runs that share their truth and detections."""
+    """Runs that share their truth and detections.
+
+    Attributes:
+        runs: The runs; net, traffic, sensor and seed are the same in all.
+        keep_in: Folder in which each run leaves a run folder of its own; None where only its row is kept.
+    """
 
     runs: tuple[PlannedRun, ...]
     keep_in: Path | None = None

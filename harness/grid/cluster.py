@@ -53,6 +53,12 @@ def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float
     """Run all cells on the cluster's workers, a cell a task.
 
     A cell whose worker disappears is given to another one; its runs are made again.
+
+    Args:
+        client: The cluster.
+        cells: What to run.
+        timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
+        on_row: Called with the key and row of every run once.
     """
     distributed: Any = import_module("distributed")
     tasks: dict[Future, Cell] = {

@@ -64,6 +64,15 @@ def run_stress(
 ) -> FinishedGrid:
     """Run a grid and write its folder.
 
+    Args:
+        request: The grid.
+        out: The folder.
+        execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
+        resume: Whether runs that the folder already holds are kept.
+        retry_failed: Whether those of them that failed are made again.
+        user: How the user is told of what goes on; None for not at all.
+        command: What the user typed, for the manifest.
+
     Raises:
         InputError: The grid or the folder is wrong; no run was made.
         RunInterruptedError: The user stopped it; finished runs are kept.
@@ -84,7 +93,11 @@ def run_stress(
 
 
 def check_grid(grid: GridPlan, tell: Callable[[str], object]) -> None:
-    """Find a wrong network, recording, sensor or tracker before any run is made; tell what was read of recordings."""
+    """Find a wrong network, recording, sensor or tracker before any run is made; report what recordings hold.
+
+    Raises:
+        InputError: Something is wrong.
+    """
     if grid.is_replay:
         _check_sensors_and_trackers(grid)
         _check_recordings(grid, tell)

@@ -85,6 +85,11 @@ def worlds(sensor: SensorSettings, *, of_finished: bool) -> Worlds:
 def chosen_worlds(asked: str | None, sensor: SensorSettings, *, of_finished: bool) -> Worlds:
     """Return the requested worlds; the unchanged world is always first.
 
+    Args:
+        asked: Names with commas between, or ``all``; None for the usual ones, of finished runs all.
+        sensor: The sensor's figures.
+        of_finished: Whether they are for finished runs.
+
     Raises:
         InputError: There is no such world, or finished runs can not show it.
     """

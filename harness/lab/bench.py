@@ -59,7 +59,19 @@ class BenchPlan:
 
 @dataclass
 class TimedTracker:
-    """A tracker on its way through a scene, with its wall and processor times and the process's highest memory."""
+    """A tracker on its way through a scene, with the times in ms of its steps so far.
+
+    Attributes:
+        name: What it is called.
+        tracker: The tracker.
+        model: Name of its motion model, None where it has its own.
+        particles: Particles per vehicle, None where there are none.
+        ms: Wall times.
+        cpu_ms: Processor times.
+        stages_ms: Wall times of the tracker's stages.
+        peak_mb: Highest resident memory of the process while this tracker stepped, what the others hold included.
+        tracks: Confirmed tracks after the last scan.
+    """
 
     name: str
     tracker: Tracker

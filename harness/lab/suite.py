@@ -35,7 +35,18 @@ def keep_as_baseline(finished: FinishedGrid, name: str, baseline: Path) -> Path:
 
 
 def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) -> FinishedGrid:
-    """Run a suite; with ``resume`` the runs that the folder already holds are kept."""
+    """Run a suite.
+
+    Args:
+        name: Its name.
+        out: Folder to write.
+        workers: Number of worker processes.
+        resume: Whether runs that the folder already holds are kept.
+        quiet: Whether to leave out the progress bar.
+
+    Raises:
+        InputError: There is no such suite, or the folder is wrong.
+    """
     if name not in SUITES:
         raise InputError(f"`suite` {name}: no such suite; choose one of {', '.join(SUITES)}")
     return run_stress(

@@ -79,7 +79,11 @@ def write_run_page(folder: Path, parameter: str = "folder") -> Path:
 
 
 def page_of(folder: Path, parameter: str) -> Path:
-    """Return where a folder's page goes; somebody else's page there is an ``InputError``."""
+    """Return where a folder's page goes.
+
+    Raises:
+        InputError: Somebody else's page is there.
+    """
     page = folder / PAGE
     if page.exists() and (not page.is_file() or (page.stat().st_size and MARK not in page.read_bytes())):
         raise InputError(f"`{parameter}`: {page} was not made by this program; give it another name")

@@ -111,7 +111,13 @@ def _look(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> None:
 
 
 def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
-    """Return the table of detections, each with the vehicle that it is of."""
+    """Return the table of detections, each with the vehicle that it is of.
+
+    Args:
+        found: Rows as they were read; None if every vehicle that is not hidden counts as detected.
+        truth: The table of truth.
+        clock: See ``truth_table``.
+    """
     if found is None:
         unseen = [VISIBILITY_STATES[HIDDEN], VISIBILITY_STATES[OUT]]
         seen = truth[~truth["is_ego"] & ~truth["state"].isin(unseen)]

@@ -113,7 +113,12 @@ class Evaluation:
         return self._recorder.steps
 
     def follow(self, watchers: Sequence[Watch] = (), stream: np.random.SeedSequence | None = None) -> None:
-        """Follow the looks to their end."""
+        """Follow the looks to their end.
+
+        Args:
+            watchers: Called after every step.
+            stream: Parent of the trackers' streams; None takes that of the root seed.
+        """
         stream = RandomStreams.from_seed(self.seed).tracker if stream is None else stream
         watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()))
         follow(self.looks, self.build, self._recorder, stream, watchers, self.times)
@@ -173,6 +178,12 @@ def evaluation_of(
     config: RunConfig, looks: Looks, keepers: Mapping[str, Keeper] | None = None, writer: RunWriter | None = None
 ) -> Evaluation:
     """Return the evaluation that a configuration describes; its tracker sees only what the configuration allows.
+
+    Args:
+        config: The configuration.
+        looks: What it looks at.
+        keepers: What is kept beside what every run keeps, by the file of its table.
+        writer: Writes each stretch; None keeps the run in memory.
 
     Raises:
         InputError: Together with the data sheet the beliefs make no sense.

@@ -71,7 +71,11 @@ class RecordedRun:
 
     @cached_property
     def ramps(self) -> list[FloatArray]:
-        """Return the ground beside the main lanes on which vehicles drive, such as ramps."""
+        """Return the ground beside the main lanes on which vehicles drive, such as ramps.
+
+        Returns:
+            Outlines in the road frame, each of shape (n, 2); none in the plane, where every lane is known.
+        """
         if self.road.has_headings:
             return []
         rows = self.truth[~self.road.on_a_lane(floats(self.truth, "lon_m"), floats(self.truth, "lat_m"))]

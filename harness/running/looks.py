@@ -64,6 +64,11 @@ class Looks:
     def believed(self, sheet: Mapping[str, float], noise_factor: float | None, *, tells_signals: bool = False) -> Looks:
         """Return the same looks with changed information for trackers.
 
+        Args:
+            sheet: Values in place of those of the data sheet, by name.
+            noise_factor: Factor on the deviations that detections report to trackers; None for none.
+            tells_signals: Whether they are told the states of signals.
+
         Raises:
             InputError: Together with the data sheet the values make no sense.
         """

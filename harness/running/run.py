@@ -46,7 +46,17 @@ class FinishedRun:
 
 @dataclass(frozen=True)
 class Pictured:
-    """What a run's figures show."""
+    """What a run's figures show.
+
+    Attributes:
+        title: What was run, in a few words.
+        road: The lanes.
+        sensor: The sensor's data sheet.
+        errors: Rows of the error table, of a long run those of some steps.
+        metrics: The run's scores.
+        moment: The moment that is seen from above.
+        diagnostics: What the tracker told of each step; None of one that tells nothing.
+    """
 
     title: str
     road: Road

@@ -25,10 +25,27 @@ from mmpf.numerics.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Evidence:
-    """A run, read, matched and tabulated; where no driver is asked or nothing is expected, the last three are None.
+    """A run, read, matched and tabulated.
 
-    ``existence`` is what each reported track states, nan where nothing, shape (m,) along the track rows; ``remembered``
-    has the vehicles detected within the memory and all tracks; ``seed`` is the run's.
+    Attributes:
+        rows: Vehicles, detections and reported tracks.
+        history: What the sensor has had of each vehicle, along the truth rows.
+        pairs: Vehicles and tracks that lie near each other.
+        matching: Which track stands for which vehicle.
+        error_table: One row per vehicle and step, see ``harness.scoring.evidence.errors.error_table``.
+        errors: The numbers of that table.
+        events: The occlusion events.
+        in_sight: Vehicles and tracks in sight.
+        remembered: Vehicles detected within the memory, and all tracks.
+        plain: Vehicles in plain view, detected or not.
+        existence: Stated existence of each reported track, nan where it states none, shape (m,) along the track rows.
+        following: Which track follows which of the vehicles that were once seen, hidden ones included.
+        settings: The numbers of the rules.
+        seed: Seed of the run.
+        asked: What the ego's driver would do by the truth and by the tracks; None where no driver is asked.
+        brakings: Where it would brake by one and not by the other; likewise.
+        unseen: Stretches of lane with the vehicles that are expected and that are there without a track; None where
+            nobody said what is expected.
     """
 
     rows: RunRows

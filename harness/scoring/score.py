@@ -19,9 +19,15 @@ from harness.storage import run_folder as runfolder
 
 @dataclass(frozen=True)
 class ScoredRun:
-    """A run's tables of ``harness.storage.schema`` and its ``metrics.json``, without timing and traffic.
+    """A run's scores as they are written to its folder.
 
-    ``brakings`` and ``commands`` are None where no driver was asked.
+    Attributes:
+        errors: One row per vehicle and step, see ``harness.scoring.evidence.errors.error_table``.
+        metrics: The nested dictionary of ``metrics.json``, without timing and traffic.
+        events: One row per occlusion event, see ``harness.scoring.evidence.events.event_table``.
+        brakings: One row per missed or phantom braking, see ``brakings.braking_table``; None where no
+            driver was asked.
+        commands: One row per step, see ``harness.scoring.driving.brakings.command_table``; likewise.
     """
 
     errors: pd.DataFrame

@@ -92,6 +92,10 @@ def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorMode
     Clutter is taken to spread over a straight road of the settings' width. Where the road frame is the plane, it is
     taken to spread over as much of the map's lanes as lies in range on the average over the map, which a tracker that
     has the map could work out; without a map, over all that is in range.
+
+    Args:
+        settings: The sensor's figures.
+        road: Where it will be used; None for a straight road.
     """
     area_m2 = (road or highway()).lane_area_m2(settings.range_m, settings.road_width_m)
     return SensorModel(
@@ -133,6 +137,13 @@ def visibility_of(
     frame: Frame, road: Road, ego: EgoPose, in_range: BoolArray, range_m: float
 ) -> tuple[FloatArray, IntArray, FloatArray | None]:
     """Return what is seen of each vehicle of the frame; only vehicles that matter enter the geometry.
+
+    Args:
+        frame: The truth.
+        road: The road.
+        ego: Pose of the sensor's vehicle.
+        in_range: What is in reach of the sensor; of the rest nothing is seen, shape (n,).
+        range_m: The sensor's range.
 
     Returns:
         The visible fractions; the index of the vehicle that covers most of each, -1 where none does; and the share

@@ -19,7 +19,14 @@ FRONT_SHARE = 0.35
 def detection_probability(
     settings: SensorSettings, distance_m: FloatArray, visible_fraction: FloatArray, reachable: BoolArray
 ) -> FloatArray:
-    """Return the probability of a detection, single misses and runs together, bursts apart; shape (n,)."""
+    """Return the probability of a detection, single misses and runs together, bursts apart; shape (n,).
+
+    Args:
+        settings: The sensor's figures.
+        distance_m: Distance from the sensor, shape (n,).
+        visible_fraction: How much of each vehicle is seen, shape (n,).
+        reachable: Whether each is in range and no ego, shape (n,).
+    """
     view = np.minimum(1.0, visible_fraction / settings.full_view_fraction) ** settings.view_exponent
     far = np.minimum(1.0, distance_m / settings.range_m)
     probability = settings.detection_probability * view * (1.0 - settings.missed_far_share * far**2)
@@ -106,6 +113,12 @@ def merged(
     """Return the boxes with those that merge gone, each into the nearest one that it nearly touches.
 
     The box that stays, that of the vehicle of which more is seen, stands for it and reaches over both.
+
+    Args:
+        settings: The sensor's figures.
+        boxes: One for each vehicle that is detected, b of them.
+        merges: Whether each would merge now, shape (b,).
+        visible_fraction: How much of each is seen, shape (b,).
     """
     lon, lat, length, width = (np.array(part) for part in (boxes.lon_m, boxes.lat_m, boxes.length_m, boxes.width_m))
     axis = boxes.axis_rad
@@ -142,7 +155,14 @@ def _reaches(length: FloatArray, width: FloatArray, turn_rad: FloatArray) -> tup
 
 
 def split(settings: SensorSettings, boxes: DetectedBoxes, splits: BoolArray, heading_rad: FloatArray) -> DetectedBoxes:
-    """Return the boxes with those of long vehicles that split in two: the longer part, then the front at the end."""
+    """Return the boxes with those of long vehicles that split in two: the longer part, then the front at the end.
+
+    Args:
+        settings: The sensor's figures.
+        boxes: The boxes, b of them.
+        splits: Whether each would split now, shape (b,).
+        heading_rad: Heading of each against the road, shape (b,).
+    """
     chosen = np.flatnonzero(splits & (boxes.length_m >= settings.split_length_m))
     length = boxes.length_m[chosen]
     cosine, sine = np.cos(heading_rad[chosen]), np.sin(heading_rad[chosen])

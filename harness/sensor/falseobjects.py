@@ -35,6 +35,14 @@ def ghosts_after(
     Their number around the ego is Poisson with the asked-for mean at all times and their lives are exponential. One
     that the ego leaves behind comes in again as another at the opposite end of the range, in the plane anywhere on the
     lanes in range, so that driving past them makes them no rarer.
+
+    Args:
+        settings: The sensor's figures.
+        before: The false objects a step ago; None at the first.
+        frame: The traffic, with which some move.
+        road: The lanes.
+        step_s: Time since the step before.
+        rng: Source of randomness.
     """
     ego = frame.ego_pose
     if before is None:
@@ -76,7 +84,15 @@ def _of_a_cars_size(
 def mirrored_after(
     settings: SensorSettings, before: Mirrored | None, scene: Scene, step_s: float, rng: np.random.Generator
 ) -> Mirrored:
-    """Return the mirror images a step later: some are gone, some are new; none outlives its vehicle's time in range."""
+    """Return the mirror images a step later: some are gone, some are new; none outlives its vehicle's time in range.
+
+    Args:
+        settings: The sensor's figures.
+        before: The mirror images a step ago; None at the first.
+        scene: The vehicles that can be mirrored.
+        step_s: Time since the step before.
+        rng: Source of randomness.
+    """
     if before is None:
         return _new_images(scene, int(rng.poisson(settings.mirrored_clutter)), rng)
     kept = np.exp(-step_s / settings.mirrored_clutter_s)

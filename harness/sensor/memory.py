@@ -18,7 +18,12 @@ NORMALS = 7
 
 
 class Chain(NamedTuple):
-    """A state that comes in runs: its share of time, below 1, and the mean length of a run, each (n,) or a number."""
+    """A state that comes in runs.
+
+    Attributes:
+        share: Share of time in the state, below 1, shape (n,) or a number.
+        run_s: Mean length of a run in it, seconds, likewise.
+    """
 
     share: FloatArray | float
     run_s: FloatArray | float
@@ -29,6 +34,12 @@ def next_state(chain: Chain, before: FloatArray, step_s: float, uniforms: FloatA
 
     A chain that holds on to its state with the right probability and else draws it anew has exactly the asked-for
     share, and runs of the asked-for mean length, where these are longer than those of independent draws.
+
+    Args:
+        chain: Shares and mean run lengths.
+        before: 1 or 0 for the state a step ago; nan where there was none, shape (n,).
+        step_s: Time since then.
+        uniforms: Uniform random numbers, shape (n,).
     """
     share = np.broadcast_to(np.asarray(chain.share, dtype=np.float64), before.shape)
     run_s = np.broadcast_to(np.asarray(chain.run_s, dtype=np.float64), before.shape)

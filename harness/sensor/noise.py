@@ -44,7 +44,15 @@ def position_std(
     visible_fraction: FloatArray,
     axis_rad: FloatArray | float = 0.0,
 ) -> PositionStd:
-    """Return how precisely vehicles are measured."""
+    """Return how precisely vehicles are measured.
+
+    Args:
+        settings: The sensor's figures.
+        distance_m: Distance from the sensor, shape (n,).
+        angle_rad: Direction of the line of sight against the box's axis, shape (n,).
+        visible_fraction: How much of each is seen, shape (n,).
+        axis_rad: Direction of the box's axis against the frame's, shape (n,); zero on a road.
+    """
     factor = box_factor(settings, visible_fraction)
     fit_lon, fit_lat = factor * settings.std_lon_m, factor * settings.std_lat_m
     along = factor * np.hypot(settings.std_range_m, settings.std_range_share * distance_m)
@@ -75,6 +83,11 @@ def reported_factors(settings: SensorSettings, visible_fraction: FloatArray, nor
 
     The columns are longitudinal, lateral, speed, length and width. A detector knows its own error badly: what it
     reports spreads from detection to detection and tells little of how much of the vehicle was seen.
+
+    Args:
+        settings: The sensor's figures.
+        visible_fraction: How much of each vehicle is seen, shape (n,).
+        normals: Standard normal numbers, shape (n, 6).
     """
     seen = box_factor(settings, visible_fraction) ** settings.reported_view
     spread = settings.reported_spread * (normals[:, :1] + 0.5 * normals[:, 1:])
@@ -88,7 +101,15 @@ def measured_sizes(
     visible_fraction: FloatArray,
     normals: FloatArray,
 ) -> FloatArray:
-    """Return rows of measured length and width and their deviations, shape (n, 4); nan where sizes are not measured."""
+    """Return rows of measured length and width and their deviations, shape (n, 4); nan where sizes are not measured.
+
+    Args:
+        settings: The sensor's figures.
+        length_m: True lengths, shape (n,).
+        width_m: True widths, shape (n,).
+        visible_fraction: How much of each vehicle is seen, shape (n,).
+        normals: Standard normal numbers, shape (n, 2).
+    """
     if settings.std_length_m is None or settings.std_width_m is None:
         return np.full((len(length_m), 4), np.nan)
     size = np.stack([length_m, width_m], axis=-1)

@@ -48,7 +48,15 @@ class Scene:
 
 
 def sight_to(lon_m: FloatArray, lat_m: FloatArray, road: Road, ego: EgoPose, axis_rad: FloatArray | float) -> Sight:
-    """Return the lines of sight from the ego's sensor to positions, each of shape (n,)."""
+    """Return the lines of sight from the ego's sensor to positions, each of shape (n,).
+
+    Args:
+        lon_m: Longitudinal positions, shape (n,).
+        lat_m: Lateral positions, shape (n,).
+        road: The road.
+        ego: Pose of the sensor's vehicle.
+        axis_rad: Direction of the box at each position against the road, shape (n,).
+    """
     sensor_x, sensor_y = sensor_position(ego, road)
     x, y = road.to_cartesian(lon_m, lat_m)
     bearing = np.arctan2(y - sensor_y, x - sensor_x)

@@ -33,9 +33,13 @@ class Until:
 
 
 def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: int | None = None) -> pd.DataFrame:
-    """Return a table, or its rows ``until`` a step, which is unpacked in a process of its own.
+    """Return a table, which is unpacked in a process of its own.
 
-    ``parameter`` named the file; ``noted`` is how many rows the run has written, None if that is not known.
+    Args:
+        path: The file.
+        parameter: Parameter that named it, for messages.
+        until: The rows that are wanted; None for all.
+        noted: How many rows the run has written; None if that is not known.
 
     Raises:
         InputError: It is not a regular file, damaged or too large, of a version to come, has columns of another kind
@@ -72,7 +76,11 @@ def _table(path: Path, place: str, until: Until | None, noted: int | None) -> pa
 
 
 def groups_until(footer: pq.FileMetaData, until: Until) -> list[int]:
-    """Return the row groups of a table that may hold wanted rows; without the column a ``LookupError`` is raised."""
+    """Return the row groups of a table that may hold wanted rows.
+
+    Raises:
+        LookupError: The table lacks the column.
+    """
     place = footer.schema.names.index(until.column) if until.column in footer.schema.names else -1
     if place < 0:
         raise LookupError(f"there is no column {until.column}")
@@ -109,7 +117,11 @@ def check_kinds(table: pd.DataFrame, columns: Iterable[Column], place: str) -> N
 
 
 def check_order(table: pd.DataFrame, place: str) -> None:
-    """Refuse, by an ``InputError``, a table whose steps are not in the order of time in which runs write them."""
+    """Refuse a table whose steps are not in the order of time, in which every run writes them.
+
+    Raises:
+        InputError: They are not.
+    """
     if (np.diff(table["step"].to_numpy(dtype=np.float64)) < 0.0).any():
         raise InputError(f"{place}: its rows are not in the order of time; make the run again")
 
@@ -150,7 +162,11 @@ def rows_noted(manifest: Path, name: str) -> int | None:
 
 @contextmanager
 def sound_tables(folder: Path, parameter: str) -> Iterator[None]:
-    """Turn what goes wrong over tables that contradict each other into an ``InputError`` that names the folder."""
+    """Turn what goes wrong over tables that contradict each other into one line that names the folder.
+
+    Raises:
+        InputError: Something did.
+    """
     try:
         with np.errstate(all="ignore"):
             yield

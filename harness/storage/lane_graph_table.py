@@ -63,7 +63,11 @@ def _control_of(table: Mapping[str, Any]) -> LinkControl:
 
 
 def walls_of(rows: Sequence[Sequence[float]]) -> FloatArray:
-    """Return walls as rows of both ends' x and y, metres, (w, 4); too many or too far away is a ``ValueError``."""
+    """Return walls as rows of both ends' x and y, metres, shape (w, 4).
+
+    Raises:
+        ValueError: They are none, or too many or too far away.
+    """
     walls = np.array(rows, dtype=np.float64).reshape(-1, 4)
     if len(walls) > MOST_POINTS or not (np.abs(walls) <= FARTHEST_M).all():
         raise ValueError(f"its walls are more than {MOST_POINTS}, or beyond {FARTHEST_M:g} m")

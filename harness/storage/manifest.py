@@ -93,7 +93,11 @@ def hashes_of(folder: Path) -> dict[str, str]:
 
 
 def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str) -> None:
-    """Refuse, by an ``InputError``, a folder with an edited file; one that noted no hashes says nothing."""
+    """Refuse a folder whose results are not those that its run or grid wrote; one that noted no hashes says nothing.
+
+    Raises:
+        InputError: A file was edited.
+    """
     noted = manifest.get(FILES)
     for name, digest in noted.items() if isinstance(noted, dict) else ():
         path = folder / Path(str(name)).name

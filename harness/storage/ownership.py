@@ -57,7 +57,11 @@ def strangers(folder: Path) -> list[str]:
 
 
 def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
-    """Refuse, by an ``InputError``, a folder that is neither empty nor this program's, of this kind, alone."""
+    """Check that a folder may be replaced: empty, or made by this program, of this kind, without other files.
+
+    Raises:
+        InputError: It may not.
+    """
     fix = "choose another folder, or remove it yourself"
     if folder.is_symlink():
         raise InputError(f"`{parameter}`: {folder} is a link; give the folder that it leads to")

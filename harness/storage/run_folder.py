@@ -163,7 +163,11 @@ def is_run_folder(path: Path) -> bool:
 
 
 def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the manifest of a run folder, or raise an ``InputError`` where it is none or the run did not end."""
+    """Return the manifest of a run folder.
+
+    Raises:
+        InputError: The folder is not a run's folder, or the run did not end.
+    """
     try:
         manifest = json.loads(read_text(folder / MANIFEST, parameter))
     except (OSError, ValueError, RecursionError):
@@ -177,7 +181,11 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
 
 
 def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the recorded configuration of a run folder as a nested table, or raise an ``InputError``."""
+    """Return the recorded configuration of a run folder as a nested table.
+
+    Raises:
+        InputError: It can't be read.
+    """
     try:
         return tomllib.loads(read_text(folder / CONFIG, parameter))
     except (OSError, ValueError, RecursionError) as error:
@@ -187,9 +195,14 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
 def read_table(
     folder: Path, name: str, parameter: str, columns: Collection[str] | None = None, until: Until | None = None
 ) -> pd.DataFrame:
-    """Return one of the tables of the run folder that a parameter named, or its rows ``until`` a step.
+    """Return one of the tables of a run folder.
 
-    Its content is checked; it must have the given columns, by default all that its kind of table has.
+    Args:
+        folder: The run folder.
+        name: File name of the table.
+        parameter: Parameter that named the folder, for the message.
+        columns: Columns that it must have, whose content is checked; None for all that its kind of table has.
+        until: The rows that are wanted; None for all.
 
     Raises:
         InputError: It is missing, truncated, not parquet, lacks columns, or is not as the run left it.
@@ -224,7 +237,15 @@ def write_road(road: Road, path: Path) -> None:
 
 
 def read_road(path: Path, parameter: str) -> Road:
-    """Return the road in the file that a parameter named, or raise an ``InputError`` where it is missing or broken."""
+    """Return the road that a file holds.
+
+    Args:
+        path: The file.
+        parameter: Parameter that named it, for the message.
+
+    Raises:
+        InputError: The file is missing or broken.
+    """
     check_file(path, parameter)
     return isolated(partial(_road, path, parameter), f"`{parameter}`: {path}", ProcessLimits.for_files([path]))
 

@@ -79,7 +79,14 @@ def update_variable(
 
 
 def updated(states: GaussianStates, index: IntArray, detections: Detections, detection: IntArray) -> GaussianStates:
-    """Return beliefs after a detection each of some of them: place, and speed where it is measured."""
+    """Return beliefs after a detection each of some of them: place, and speed where it is measured.
+
+    Args:
+        states: Beliefs before.
+        index: Whose detections they are, each at most once, shape (k,).
+        detections: All detections.
+        detection: Which of them, shape (k,).
+    """
     states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
     states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
     has_speed = np.isfinite(detections.speed_mps[detection])

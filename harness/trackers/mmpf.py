@@ -40,7 +40,14 @@ class MixtureTrackerOptions(FilterOptions):
 
 
 def build_mixture_tracker(setting: TrackerSetting, options: Mapping[str, object]) -> MixtureTracker:
-    """Build the Modified Mixture Particle Filter."""
+    """Build the Modified Mixture Particle Filter.
+
+    Raises:
+        UnknownNameError: There is no such motion model.
+        ModelFileError: The model's file can't be used.
+        ValueError: A file is given for a model that is not read from one.
+        pydantic.ValidationError: An option does not exist or has an impossible value.
+    """
     values: dict[str, Any] = MixtureTrackerOptions.model_validate(dict(options)).model_dump()
     motion = _motion_model(values.pop("model"), values.pop("model_file"))
     return MixtureTracker(setting.road, setting.sensor, motion, setting.rng, FilterOptions(**values))

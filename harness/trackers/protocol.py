@@ -17,7 +17,14 @@ from mmpf.undetected.intensity import Unseen
 
 @dataclass(frozen=True)
 class TrackerSetting:
-    """All that a tracker may know before the first scan; ``step_s`` is the usual time between scans."""
+    """All that a tracker may know before the first scan.
+
+    Attributes:
+        road: The lanes.
+        sensor: The sensor's data sheet.
+        rng: The tracker's own stream of randomness.
+        step_s: Nominal time between scans.
+    """
 
     road: Road
     sensor: SensorModel

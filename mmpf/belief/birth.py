@@ -21,9 +21,12 @@ STANDING_STD_MPS = 0.5
 
 @dataclass(frozen=True)
 class Traffic:
-    """Speeds of the k vehicles around a birth place, the ego among them, arrays of shape (k,).
+    """Speeds around a birth place, struct of arrays over k vehicles including the ego.
 
-    ``lat_m`` is None along one road; in the plane lateral positions matter as much.
+    Attributes:
+        lon_m: Longitudinal positions, shape (k,).
+        speed_mps: Speeds, shape (k,).
+        lat_m: Lateral positions, shape (k,), where they matter as much: in the plane. None along one road.
     """
 
     lon_m: FloatArray
@@ -33,7 +36,14 @@ class Traffic:
 
 @dataclass(frozen=True)
 class Births:
-    """Which k of a scan's detections start a component, what the rule keeps of each, and the speeds around."""
+    """Which detections start a component.
+
+    Attributes:
+        detections: The scan's detections.
+        chosen: Indices of those that start one, shape (k,).
+        components: What the rule keeps of the new components, k of them, before any size is measured.
+        traffic: Speeds around.
+    """
 
     detections: Detections
     chosen: IntArray
@@ -56,10 +66,18 @@ def give_birth(
     options: FilterOptions,
     rng: np.random.Generator,
 ) -> Mixture:
-    """Add one component for each chosen detection and remove those not kept, (m,), with one copy of all particles.
+    """Add one component for each chosen detection and remove those not kept, with one copy of all particles.
 
     Where the sensor measures no speed, it is drawn partly near the speed of the traffic around and partly from
     everything that is possible: a prior near the neighbours alone loses the fast lane.
+
+    Args:
+        mixture: The belief so far.
+        keep: Components that stay, shape (m,).
+        births: Where the new components start.
+        motion: Draws the latents of the new particles.
+        options: How many particles are drawn, and how widely.
+        rng: Source of randomness.
     """
     detections, chosen, particles = births.detections, births.chosen, options.particles
     if len(chosen) == 0:

@@ -46,7 +46,12 @@ class ParticleCloud:
         return np.searchsorted(self.component, np.arange(components + 1))
 
     def take(self, particles: IntArray, component: IntArray) -> ParticleCloud:
-        """Return the chosen particles, (k,), under new ascending component indices, (k,), weights unchanged."""
+        """Return the chosen particles under new component indices, weights unchanged.
+
+        Args:
+            particles: Indices of the particles to keep, shape (k,).
+            component: Their components' new indices, ascending, shape (k,).
+        """
         return ParticleCloud(
             state=self.state.take(particles, axis=1),
             log_weight=self.log_weight[particles],
@@ -59,7 +64,13 @@ class ParticleCloud:
     def stretches(
         self, stretches: list[slice], component: IntArray, then: ParticleCloud | None = None
     ) -> ParticleCloud:
-        """Return ranges of particles in order, then another cloud's, under new ascending indices, weights unchanged."""
+        """Return ranges of particles in order, then another cloud's, weights unchanged.
+
+        Args:
+            stretches: Particles to keep.
+            component: New component indices of all, ascending.
+            then: What to put behind.
+        """
 
         def one_after_the_other(name: str) -> FloatArray:
             values = getattr(self, name)
@@ -129,7 +140,13 @@ class Components:
 
     @classmethod
     def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Self:
-        """Return components of their first scan, one detection each, with sizes as known before any is measured."""
+        """Return components of their first scan, one detection each.
+
+        Args:
+            track_id: Their identities, shape (m,).
+            existence: Their existence probabilities, shape (m,).
+            vehicle: Their sizes as far as is known before any is measured.
+        """
         zeros = np.zeros(len(track_id), dtype=np.int64)
         return cls(
             track_id=track_id,
@@ -149,7 +166,11 @@ class Components:
 class Mixture:
     """The filter's whole belief: equation (8) with its bookkeeping.
 
-    ``has_headings`` says whether the last row of the latents is each particle's direction, as on a lane graph.
+    Attributes:
+        cloud: The particles.
+        components: What is kept of each component.
+        next_track_id: The identity that the next new component gets.
+        has_headings: Whether the last row of the latents is each particle's direction, as on a lane graph.
     """
 
     cloud: ParticleCloud
@@ -183,7 +204,13 @@ class Mixture:
         return replace(self, cloud=self._kept_cloud(keep), components=taken(self.components, keep))
 
     def keep_and_join(self, keep: BoolArray, cloud: ParticleCloud, components: Components) -> Self:
-        """Return the belief with the kept components, (m,), then further ones, which their cloud counts from zero."""
+        """Return the belief with the kept components, followed by further ones.
+
+        Args:
+            keep: Which components stay, shape (m,).
+            cloud: Particles of the k further ones, which it counts from zero.
+            components: The further ones, k of them.
+        """
         return replace(
             self,
             cloud=self._kept_cloud(keep, cloud),

@@ -16,10 +16,14 @@ from mmpf.scan import Detections
 
 @dataclass(frozen=True)
 class Moments:
-    """Weighted mean and variance of the state of each of m components, both of shape (6, m).
+    """Weighted moments of each of m components.
 
-    ``heading_rad`` is where each one's vehicle points on the average against the frame's longitudinal axis, shape (m,);
-    0 on a road along which they point. ``has_headings`` says whether they may point any way.
+    Attributes:
+        mean: Mean state, shape (6, m).
+        variance: Variance of each state variable, shape (6, m).
+        heading_rad: Where each component's vehicle points on the average against the frame's longitudinal axis, shape
+            (m,); 0 on a road along which they point.
+        has_headings: Whether they may point any way.
     """
 
     mean: FloatArray
@@ -53,9 +57,13 @@ class Moments:
 
 
 def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Moments:
-    """Return the moments of chosen components, (m,), or all; weights sum to one in each.
+    """Return the moments of components under their particles' weights.
 
     They take a pass over the particles: whoever needs them in several places works them out once and hands them on.
+
+    Args:
+        mixture: The belief; weights sum to one in each component.
+        chosen: Components that are asked for, shape (m,); None for all.
     """
     which = np.arange(len(mixture)) if chosen is None else chosen
     mean = np.zeros((STATE_SIZE, len(which)))
@@ -83,8 +91,11 @@ def gate_table(
 ) -> BoolArray:
     """Return which detections lie within each component's gate along and across the road, shape (m, d).
 
-    ``gate_std`` counts standard deviations of component and measurement together; infinite for all pairs.
-    ``noise_factor`` is the true over the reported deviation of each component's measurements, (m,); None for one.
+    Args:
+        moments: The components' moments.
+        detections: The scan's detections.
+        gate_std: Standard deviations of component and measurement together; infinite for all pairs.
+        noise_factor: True over reported deviation of each component's measurements, shape (m,); None for one.
     """
     if np.isinf(gate_std):
         return np.ones((moments.mean.shape[1], len(detections)), dtype=np.bool_)

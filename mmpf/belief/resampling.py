@@ -19,9 +19,13 @@ SMALLEST_VARIANCE = 1e-9
 
 
 def resample(mixture: Mixture, which: BoolArray, particles: int, rng: np.random.Generator) -> tuple[Mixture, IntArray]:
-    """Resample the chosen components, (m,), systematically to ``particles`` equally weighted particles each.
+    """Resample the chosen components systematically to ``particles`` equally weighted particles each.
 
-    One uniform number per component is drawn, resampled or not; weights sum to one in each.
+    Args:
+        mixture: The belief; weights sum to one in each component.
+        which: Components to resample, shape (m,).
+        particles: Particles that each of them gets.
+        rng: Source of randomness; one uniform number per component is drawn, resampled or not.
 
     Returns:
         The belief after resampling, and each particle's ancestor, shape (n',).
@@ -63,12 +67,21 @@ def resample_smoothly(
     kernel_width: FloatArray,
     rng: np.random.Generator,
 ) -> Mixture:
-    """Resample the chosen components, (m,), and smooth their particles, else copies of few ancestors.
+    """Resample the chosen components and smooth their particles, which would otherwise be copies of few ancestors.
 
     A particle is drawn towards the component's mean by ``sqrt(1 - h^2)`` and then moved by ``h`` times a draw from the
-    component's covariance (Liu and West 2001), so that mean and covariance stay as they were, and what the latents have
-    to do with the state nearly so. A kernel width h of one, of shape (m,), draws states from the weighted Gaussian.
-    Weights sum to one in each component. The belief is the same one if nothing was chosen.
+    component's covariance (Liu and West 2001), so that mean and covariance stay as they were, and what the latents
+    have to do with the state nearly so. A width of one draws states from the weighted Gaussian.
+
+    Args:
+        mixture: The belief; weights sum to one in each component.
+        which: Components to resample, shape (m,).
+        particles: Particles that each of them gets.
+        kernel_width: h of each component, from zero to one, shape (m,).
+        rng: Source of randomness.
+
+    Returns:
+        The belief after resampling; the same one if nothing was chosen.
     """
     chosen = np.flatnonzero(which)
     mean = component_moments(mixture, chosen).mean[list(SMOOTHED)]

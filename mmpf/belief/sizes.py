@@ -15,7 +15,13 @@ Kept = TypeVar("Kept", bound=Components)
 
 
 def with_measured_sizes(components: Kept, index: IntArray, sizes: BodySizes) -> Kept:
-    """Return the components with a new measurement of the sizes of some, (k,), each once: a scalar Kalman update."""
+    """Return the components with a new measurement of some sizes: a scalar Kalman update each.
+
+    Args:
+        components: The components.
+        index: Which of them were measured, each at most once, shape (k,).
+        sizes: What was measured, shape (k,).
+    """
     length, std_length = _updated(
         components.length_m, components.std_length_m, index, sizes.length_m, sizes.std_length_m
     )

@@ -178,7 +178,13 @@ class CorridorRoad:
 
 
 def highway(lanes: int = 5, lane_width_m: float = 3.66, section_m: tuple[float, float] = (0.0, 640.0)) -> CorridorRoad:
-    """Return a straight one-way road of endless lanes whose right edge lies at lateral position zero, in metres."""
+    """Return a straight one-way road whose right edge lies at lateral position zero.
+
+    Args:
+        lanes: Number of lanes, without beginning or end.
+        lane_width_m: Width of each, metres.
+        section_m: Longitudinal positions, metres, at which the section that is scored starts and ends.
+    """
     strips = tuple(
         Lane(number=lanes - k, right_m=k * lane_width_m, left_m=(k + 1) * lane_width_m) for k in range(lanes)
     )

@@ -15,8 +15,13 @@ Pieces = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, Float
 def fill_cells(first_cell: IntArray, last_cell: IntArray, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
     """Return which pieces lie in which squares: where each square's list begins, and the lists one after the other.
 
-    ``first_cell`` and ``last_cell`` are column and row of each piece's lowest and highest square, shape (2, q); results
-    are of shapes (columns times rows + 1,) and (entries,).
+    Args:
+        first_cell: Column and row of each piece's lowest square, shape (2, q).
+        last_cell: Column and row of its highest, shape (2, q).
+        shape: Columns and rows of the plane.
+
+    Returns:
+        Shapes (columns times rows + 1,) and (entries,).
     """
     count = np.zeros(shape[0] * shape[1] + 1, dtype=np.int64)
     for fill in range(2):
@@ -55,9 +60,21 @@ def find_lanes(
 ) -> None:
     """Write up to k lanes beside each of n places, the nearest first; what there are fewer of stays as it is.
 
-    Squares of side ``size_m`` begin at ``origin`` and list their pieces as from ``fill_cells``. ``piece_lane`` is the
-    lane of each piece, (q,), ``reach_m`` how far from its middle line a place is still beside a lane, (l,). Written to
-    are the last four, lane, arc length, offset to the left and the lane's direction, each (n, k).
+    Args:
+        x: Places, metres, shape (n,).
+        y: The same.
+        origin: Lower left corner of the squares, shape (2,).
+        size_m: Their side.
+        shape: Columns and rows of them.
+        first: Where each square's list begins, as from ``fill_cells``.
+        members: The lists.
+        pieces: The straight pieces of all lanes.
+        piece_lane: Lane of each, shape (q,).
+        reach_m: How far from its middle line a place is still beside a lane, shape (l,).
+        lane: Written to, as the rest, shape (n, k).
+        along: Arc length.
+        left: Offset to the left.
+        heading: Direction of the lane.
     """
     start_x, start_y, cosine, sine, length, piece_along = pieces
     most = lane.shape[1]
@@ -112,8 +129,15 @@ def project(
 ) -> None:
     """Write arc length, offset to the left and lane's direction of places on given lanes, each (n,).
 
-    A negative lane leaves its place as it is. ``first`` is each lane's first piece, and the number of all, (l + 1,);
-    the first and last of a lane go on beyond its ends.
+    Args:
+        lane: Lane of each place, negative for none, whose place stays as it is, shape (n,).
+        x: Places, metres, shape (n,).
+        y: The same.
+        pieces: The straight pieces of all lanes; the first and last of a lane go on beyond its ends.
+        first: Each lane's first piece, and the number of all, shape (l + 1,).
+        along: Written to, as the rest.
+        left: Offset to the left.
+        heading: Direction of the lane.
     """
     start_x, start_y, cosine, sine, length, piece_along = pieces
     for n in range(len(x)):

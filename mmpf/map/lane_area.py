@@ -30,7 +30,11 @@ def drawn_on_lanes(
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Draw places on pieces of lanes, and whether each is to be kept, so that those kept are even over the ground.
 
-    ``pieces`` are indices into the graph's segments, of which one at least.
+    Args:
+        graph: The lanes.
+        pieces: Indices into the graph's segments, of which one at least.
+        count: How many to draw.
+        rng: Source of randomness.
 
     Returns:
         x and y, metres, the direction of the lane there, and whether the place is kept; each of shape (count,).

@@ -31,8 +31,15 @@ BESIDE_M = 3.0
 class Segments:
     """The straight pieces of all lanes' middle lines, those of a lane one after the other; arrays of shape (q,).
 
-    Each has its beginning, direction, length, lane, and the arc length up to it. ``first`` is the index of each lane's
-    first piece, and the number of all, shape (l + 1,).
+    Attributes:
+        start_x: Where each begins, metres.
+        start_y: The same.
+        cosine: Its direction.
+        sine: The same.
+        length_m: Its length.
+        along_m: Arc length from the lane's beginning to its own.
+        lane: Index of its lane.
+        first: Index of each lane's first piece, and the number of all, shape (l + 1,).
     """
 
     start_x: FloatArray
@@ -51,9 +58,14 @@ class Segments:
 
 @dataclass(frozen=True)
 class Cells:
-    """Which segments may be near which places: the plane in squares of side ``size_m`` from ``origin`` on, (2,).
+    """Which segments may be near which places: the plane in squares.
 
-    ``first`` tells where each square's list begins, shape (squares + 1,), ``segment`` has all lists.
+    Attributes:
+        origin: Lower left corner of the first square, metres, shape (2,).
+        size_m: Their side.
+        shape: How many there are along x and along y.
+        first: Where each square's list begins, shape (squares + 1,).
+        segment: Segments of all lists.
     """
 
     origin: FloatArray
@@ -67,8 +79,11 @@ class Cells:
 class LanesNear:
     """Up to k lanes beside each of n places, the nearest first; arrays of shape (n, k).
 
-    ``lane`` is ``NOWHERE`` where there are fewer; ``left_m`` is the offset from its middle line, ``heading_rad`` its
-    direction there.
+    Attributes:
+        lane: Index of the lane, ``NOWHERE`` where there are fewer.
+        along_m: Arc length along it.
+        left_m: Offset to the left of its middle line.
+        heading_rad: Its direction there.
     """
 
     lane: IntArray
@@ -225,7 +240,13 @@ class LaneGraph:
         return Cells(origin, size_m, shape, first, segment)
 
     def lanes_near(self, x: FloatArray, y: FloatArray, most: int = 6) -> LanesNear:
-        """Return the ``most`` nearest lanes beside places: within half their width and 3 m of their middle lines."""
+        """Return the lanes beside places: those within half their width and 3 m of their middle lines.
+
+        Args:
+            x: Places, metres, shape (n,).
+            y: The same.
+            most: k, how many lanes of each at most.
+        """
         shape = len(x), most
         found = LanesNear(np.full(shape, NOWHERE), np.zeros(shape), np.zeros(shape), np.zeros(shape))
         cells = self.cells
@@ -248,7 +269,13 @@ class LaneGraph:
         return found
 
     def lane_at(self, x: FloatArray, y: FloatArray, heading_rad: FloatArray) -> IntArray:
-        """Return the lane that vehicles are on: the nearest beside them that leads their way, (n,), or ``NOWHERE``."""
+        """Return the lane that vehicles are on: the nearest beside them that leads their way, (n,), or ``NOWHERE``.
+
+        Args:
+            x: Places, metres, shape (n,).
+            y: The same.
+            heading_rad: Where the vehicles point, shape (n,).
+        """
         near = self.lanes_near(x, y)
         off = np.abs(wrapped(near.heading_rad - heading_rad[:, None]))
         # Half a turn off weighs as much as being a whole lane beside it.
@@ -263,6 +290,11 @@ class LaneGraph:
 
         The lane's first and last piece go on straight beyond its ends, so that an arc length may be negative or exceed
         the lane's.
+
+        Args:
+            lane: Index of the lane that each place belongs to, or ``NOWHERE``, shape (n,).
+            x: Places, metres, shape (n,).
+            y: The same.
         """
         along, left, heading = (np.full(len(x), np.nan) for _ in range(3))
         project(lane, x, y, self.segments.as_arrays(), self.segments.first, along, left, heading)
@@ -271,7 +303,13 @@ class LaneGraph:
     def place(
         self, lane: IntArray, along_m: FloatArray, left_m: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return x, y and direction of places on lanes, each (n,): the inverse of ``on_lane``; nan off every lane."""
+        """Return x, y and direction of places on lanes, each (n,): the inverse of ``on_lane``; nan off every lane.
+
+        Args:
+            lane: Index of the lane, or ``NOWHERE``, shape (n,).
+            along_m: Arc length, shape (n,).
+            left_m: Offset to the left of its middle line, shape (n,).
+        """
         x, y, heading = (np.full(len(along_m), np.nan) for _ in range(3))
         lay_out(lane, along_m, left_m, self.segments.as_arrays(), self.segments.first, x, y, heading)
         return x, y, heading

@@ -17,9 +17,11 @@ STRAIGHT = ((0.0, 0.0), (1.0, 0.0))
 
 @dataclass(frozen=True)
 class ReferenceLine:
-    """A line of two straight pieces or more, which goes on straight beyond its ends; metres.
+    """A line of straight pieces, which goes on straight beyond its ends.
 
-    ``start_m`` is the longitudinal position of its first point.
+    Attributes:
+        points_xy: Its points (x, y), metres, at least two.
+        start_m: Longitudinal position of the first, metres.
     """
 
     points_xy: tuple[tuple[float, float], ...] = STRAIGHT

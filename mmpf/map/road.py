@@ -51,7 +51,13 @@ class Lane:
 
 
 class LaneLine(NamedTuple):
-    """A lane of any shape: its middle line in metres, shape (p, 2), its width, and whether it crosses a junction."""
+    """A lane of any shape.
+
+    Attributes:
+        xy: Points of its middle line, metres, shape (p, 2).
+        width_m: Its width.
+        in_junction: Whether it is a path across a junction.
+    """
 
     xy: FloatArray
     width_m: float
@@ -127,7 +133,10 @@ class Road(Protocol):
     def across_m(self, lon_m: tuple[float, float], lat_m: float, half_m: float) -> tuple[float, float]:
         """Return from where to where what lies between two longitudinal positions reaches across.
 
-        Where the frame itself has no answer that is ``half_m`` around a lateral position between the ends.
+        Args:
+            lon_m: The positions.
+            lat_m: A lateral position between the ends, where the frame itself has none.
+            half_m: How far from it they are there.
         """
 
     def lines(self) -> Iterator[LaneLine]:
@@ -146,7 +155,12 @@ class Road(Protocol):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Draw positions evenly over the lanes within range of a place, by rejection.
 
-        ``in_reach`` tells which of those drawn count; None for all within range.
+        Args:
+            count: How many.
+            around: The place.
+            range_m: The range.
+            rng: Source of randomness.
+            in_reach: Which of those drawn count; None for all within range.
 
         Returns:
             Longitudinal and lateral positions and the lanes' directions against the frame's axis, each (count,); fewer
@@ -172,11 +186,20 @@ class Road(Protocol):
         """
 
     def lane_area_m2(self, range_m: float, width_m: float) -> float:
-        """Return over what ground false detections spread: the lanes in range, one road's as wide as ``width_m``."""
+        """Return over what ground false detections spread: the lanes in range.
+
+        Args:
+            range_m: The range.
+            width_m: Width of one road that is taken to go on straight.
+        """
 
 
 def wall_bodies(walls_xy: FloatArray) -> FloatArray:
-    """Return walls, rows of x and y of either end, as thin rectangles: middle, heading, length and width, (5, k)."""
+    """Return walls as thin rectangles: rows of the middle's x and y, heading, length and width, shape (5, k).
+
+    Args:
+        walls_xy: Rows of x and y of either end, metres, shape (k, 4).
+    """
     middle, step = 0.5 * (walls_xy[:, :2] + walls_xy[:, 2:]), walls_xy[:, 2:] - walls_xy[:, :2]
     length = np.hypot(step[:, 0], step[:, 1])
     return np.stack([*middle.T, np.arctan2(step[:, 1], step[:, 0]), length, np.full(len(walls_xy), WALL_WIDTH_M)])

@@ -16,6 +16,10 @@ class SensorPlane:
     """Takes road-frame places to the plane whose origin is the sensor and whose x axis is the road's direction there.
 
     On a straight road that is the road frame itself, shifted.
+
+    Attributes:
+        ego: Pose of the sensor.
+        road: Where the road leads.
     """
 
     ego: EgoPose

@@ -23,7 +23,12 @@ Rows = TypeVar("Rows", bound="DataclassInstance")
 
 
 def taken(rows: Rows, index: IntArray | BoolArray) -> Rows:
-    """Return rows, by number or mask, of a frozen dataclass of arrays of shape (n, ...), of such structs and None."""
+    """Return some rows of a struct of arrays: a frozen dataclass of arrays of shape (n, ...), such structs and None.
+
+    Args:
+        rows: The struct.
+        index: Which rows, by number, shape (k,), or by a mask, shape (n,).
+    """
     return _by_column(lambda column: column[index], rows)
 
 

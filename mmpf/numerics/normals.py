@@ -16,6 +16,10 @@ def standard_normals(rng: np.random.Generator, shape: tuple[int, ...]) -> Float3
 
     The method of Box and Muller (1958) on the generator's raw bits, with polynomials for logarithm, sine and cosine,
     which the compiler turns into vector instructions.
+
+    Args:
+        rng: Source of randomness.
+        shape: Shape of the result.
     """
     size = int(np.prod(shape))
     pairs = (size + 1) // 2

@@ -20,9 +20,14 @@ def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, bl
     """Call ``work(begin, end)`` for ranges that cover ``0 ... size``, on several cores if that is faster.
 
     There are at most ``threads()`` shares. The work on a range must depend on nothing outside it, and let go of the
-    interpreter's lock. ``cost`` is the work per element in relation to a simple loop; it pays to share out fewer
-    elements if they cost more. Shares begin at multiples of ``block``: loops that work in blocks then meet the same
-    blocks however many shares there are.
+    interpreter's lock.
+
+    Args:
+        work: What is to be done.
+        size: End of the last range.
+        cost: Work per element in relation to a simple loop; it pays to share out fewer elements if they cost more.
+        block: Shares begin at multiples of this: loops that work in blocks then meet the same blocks however many
+            shares there are.
     """
     shares = min(threads(), int(size * cost) // LEAST_SHARE)
     if shares <= 1:

@@ -20,12 +20,15 @@ ROUNDS = 10
 def recluster(
     mixture: Mixture, moments: Moments, options: PaperReclustering, rng: np.random.Generator
 ) -> tuple[Mixture, int]:
-    """Reassign the particles of touching components to their nearest medoids; return how many were dealt out anew.
+    """Reassign the particles of touching components to their nearest medoids.
 
-    k stays the number of components and the medoids start from the components' own, so that each cluster inherits the
-    identity of the component that it grew from. The distribution is unchanged: only the component index moves. A
-    component left without particles disappears. Those touch whose means are nearer than both distances, and a sample of
-    a group's particles votes on its medoids.
+    k stays the number of components and the medoids start from the components' own, so that each cluster inherits
+    the identity of the component that it grew from. The distribution is unchanged: only the component index moves.
+    A component left without particles disappears. Those touch whose means are nearer than both distances, and a sample
+    of a group's particles votes on its medoids.
+
+    Returns:
+        The belief, and the number of components whose particles were dealt out anew.
     """
     if len(mixture) < 2:
         return mixture, 0
@@ -57,9 +60,14 @@ def recluster(
 
 
 def k_medoids(points: FloatArray, start: FloatArray) -> FloatArray:
-    """Return k medoids by alternating assignment and medoid search (Park and Jun 2009), rows of the points.
+    """Return k medoids by alternating assignment and medoid search (Park and Jun 2009).
 
-    They are in the order of ``start``, shape (k, dimensions), each of which moves to the nearest point first.
+    Args:
+        points: Points to cluster, shape (n, dimensions).
+        start: Where the medoids start, shape (k, dimensions); each moves to the nearest point first.
+
+    Returns:
+        The medoids, rows of ``points`` in the order of ``start``, shape (k, dimensions).
     """
     distance = cdist(points, points)
     medoids = cdist(start, points).argmin(axis=1)

@@ -30,7 +30,14 @@ from mmpf.visibility.shadows import shadowed_share, visible_fractions
 
 @dataclass(frozen=True)
 class MaxLikelihoodUpdate:
-    """Update rule ``max_likelihood``, see ``mmpf.stages.update_rule.UpdateRule``; it learns nothing of the sensor."""
+    """Update rule ``max_likelihood``; see ``mmpf.stages.update_rule.UpdateRule``.
+
+    It learns nothing of the sensor: the data sheet holds.
+
+    Attributes:
+        options: The filter's settings.
+        sensor: The sensor's data sheet.
+    """
 
     options: FilterOptions
     sensor: SensorModel
@@ -184,7 +191,10 @@ def largest_log_likelihood(
 ) -> tuple[FloatArray, IntArray]:
     """Return each particle's largest log likelihood over all detections, and which detection that is.
 
-    Particles of components that do not take part, of shape (m,), get 0 and -1.
+    Args:
+        mixture: The belief.
+        detections: The scan's detections.
+        performs_update: Components that take part, shape (m,); the others' particles get 0 and -1.
     """
     log_likelihood = np.zeros(len(mixture.cloud))
     chosen = np.full(len(mixture.cloud), -1, dtype=np.int64)

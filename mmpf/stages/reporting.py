@@ -21,6 +21,12 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
 
     What drifts of the sensor's noise can't be told from the vehicle's place, nor its rate from the vehicle's speed:
     both are added to the spread.
+
+    Args:
+        mixture: The belief.
+        moments: Its components' moments.
+        options: When a component is hidden, and which of those are reported.
+        sensor: The data sheet, which says how much of the noise drifts, and how fast.
     """
     components = mixture.components
     unseen = components.unseen_s > options.hidden_after_s
@@ -57,8 +63,13 @@ def followed_speed_variance(
     A filter that takes all noise as white follows what drifts with its own bandwidth w. That of the steady Kalman
     filter of constant velocity is the ratio of its deviations of speed and place, and its estimate of the speed is the
     measured place through w² s / (s² + √2 w s + w²). The variance of that for noise whose correlation falls by e in
-    ``correlation_s`` is the integral I3 of Newton, Gould and Kaiser (1957, appendix E). Variances of place and speed
-    are the filter's, shape (n,), that of the drift is the noise's.
+    ``correlation_s`` is the integral I3 of Newton, Gould and Kaiser (1957, appendix E).
+
+    Args:
+        place_m2: The filter's variance of the place, shape (n,).
+        speed_m2ps2: Its variance of the speed, shape (n,).
+        drift_m2: Variance of the noise that drifts, shape (n,).
+        correlation_s: Time constant of the drift, seconds.
     """
     bandwidth = np.sqrt(speed_m2ps2 / np.maximum(place_m2, 1e-12))
     turn = bandwidth * correlation_s

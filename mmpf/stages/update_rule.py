@@ -20,7 +20,16 @@ from mmpf.visibility.range_profile import Reach
 
 @dataclass(frozen=True)
 class Situation:
-    """What the stages of one scan share; ``dt_s`` is the time since the scan before, ``traffic`` is for births."""
+    """What the stages of one scan share.
+
+    Attributes:
+        scan: The scan.
+        sensor: The sensor's data sheet.
+        motion: The motion model.
+        dt_s: Time since the scan before.
+        traffic: Speeds of the vehicles around, for births.
+        plane: The plane in which the sensor sees.
+    """
 
     scan: Scan
     sensor: SensorModel
@@ -32,7 +41,13 @@ class Situation:
 
 @dataclass(frozen=True)
 class Occlusion:
-    """Detection probability of each particle, (n,), and that of a run of misses of each component, (m,), part of it."""
+    """The visibility of components, known before looking at the detections.
+
+    Attributes:
+        detection_probability: Of each particle, shape (n,).
+        run_probability: Of each component, that the sensor is in a run of misses of it, shape (m,); it is part of the
+            detection probability.
+    """
 
     detection_probability: FloatArray
     run_probability: FloatArray
@@ -63,7 +78,15 @@ class Updated:
 
 @dataclass(frozen=True)
 class MixtureChange:
-    """The belief after a stage that changes the number of components, its moments, and how many came and went."""
+    """The belief after a stage that changes the number of components.
+
+    Attributes:
+        mixture: The belief.
+        moments: Its components' moments.
+        removed: Components removed.
+        added: Components added.
+        merged: Components merged into others.
+    """
 
     mixture: Mixture
     moments: Moments
@@ -76,8 +99,11 @@ class MixtureChange:
 class Finetuned:
     """The belief after the last stage that may move particles from one component to another.
 
-    ``settled`` counts components that were clustered anew or had their identity settled. Without moments, particles or
-    weights are others, or will be after the weight update.
+    Attributes:
+        mixture: The belief.
+        settled: Components that were clustered anew or had their identity settled.
+        moments: Its components' moments; None if particles or weights are others, or will be
+            after the weight update.
     """
 
     mixture: Mixture

@@ -20,10 +20,15 @@ FARTHEST_STD = 4.0
 
 @dataclass(frozen=True)
 class Apart:
-    """How far m tracks, and the ego, are from the middles of n cells along and across each cell's lane, (n, m + 1).
+    """How far tracks, m of them, are from the middles of n cells along and across each cell's lane.
 
-    ``known`` tells which are more than tentative, ``heading_rad`` the direction of the lane that each is nearest to,
-    (m,).
+    Attributes:
+        along_m: Shape (n, m + 1); the ego is the last.
+        across_m: Likewise.
+        tracks: The tracks.
+        known: Which of them are more than tentative, shape (m,).
+        heading_rad: Direction of the lane that each is nearest to, shape (m,).
+        ego_speed_mps: The ego's speed.
     """
 
     along_m: FloatArray
@@ -62,8 +67,10 @@ class Apart:
     def free_share(self, room_m: float, headway_s: float, headway_std_s: float) -> FloatArray:
         """Return the probability that no known vehicle takes up the place, shape (n,).
 
-        No other vehicle's middle is nearer than ``room_m`` to a known one's that stands. The room is longer by what a
-        vehicle drives in a headway, which differs from driver to driver.
+        Args:
+            room_m: No other vehicle's middle is nearer than this to a known one's that stands.
+            headway_s: The room is longer by what a vehicle drives in this time, on average,
+            headway_std_s: and drivers differ by so much.
         """
         speed = np.maximum(self._speed_mps, 0.0)
         room = room_m + headway_s * speed

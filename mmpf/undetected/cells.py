@@ -52,7 +52,13 @@ class LaneCells:
 
 @dataclass(frozen=True)
 class Links:
-    """Where traffic flows from cell to cell, and which share of it takes each link; arrays of shape (k,)."""
+    """Where traffic flows from cell to cell; arrays of shape (k,).
+
+    Attributes:
+        source: Cell that it flows out of.
+        target: Cell that it flows into.
+        share: Which share of it takes this link.
+    """
 
     source: IntArray
     target: IntArray

@@ -124,10 +124,15 @@ class UnseenTraffic:
         self._phase_m = np.zeros(int(self._cells.lane.max(initial=0)) + 1)
 
     def step(self, scan: Scan, tracks: Tracks, reach: Reach | None = None) -> Unseen:
-        """Process a scan and all tracks as they stand after it, and return the expected numbers within range.
+        """Process a scan and the tracks after it.
 
-        ``reach`` says at which distances vehicles are detected, if the tracker has learned it; the data sheet holds if
-        not.
+        Args:
+            scan: What the sensor saw.
+            tracks: All tracks as they stand after it.
+            reach: At which distances vehicles are detected, if the tracker has learned it; the data sheet holds if not.
+
+        Returns:
+            The expected numbers within range after the scan.
         """
         if not len(self._cells):
             return Unseen(self._cells, np.zeros(0))

@@ -22,7 +22,13 @@ WALLS_WITHIN_M = 250.0
 
 @dataclass(frozen=True)
 class Occluders:
-    """Sizes of the components' vehicles and where they point, None for along the road; arrays of shape (m,)."""
+    """Sizes of the components' vehicles, struct of arrays of shape (m,).
+
+    Attributes:
+        length_m: Lengths.
+        width_m: Widths.
+        turn_rad: Where they point against the frame's longitudinal axis; None for along it.
+    """
 
     length_m: FloatArray
     width_m: FloatArray
@@ -36,9 +42,12 @@ class Occluders:
 
 @dataclass(frozen=True)
 class DepthTable:
-    """The two nearest surfaces in each bearing sector: distance, infinite for none, and component, -1, (2, BEARINGS).
+    """The two nearest surfaces in each bearing sector.
 
-    ``heading_rad`` is where each component's vehicle points against the plane's x axis, shape (m,).
+    Attributes:
+        depth_m: Distance of the surface, infinite where there is none, shape (2, BEARINGS).
+        caster: Index of the component that it belongs to, -1 where there is none, shape (2, BEARINGS).
+        heading_rad: Direction in which each component's vehicle points against the plane's x axis, shape (m,).
     """
 
     depth_m: FloatArray
@@ -49,7 +58,15 @@ class DepthTable:
 def depth_table(
     plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, casts_shadow: BoolArray, bodies: Occluders
 ) -> DepthTable:
-    """Return the surfaces that the rectangles of the components that count, shape (m,), present to the sensor."""
+    """Return the surfaces that the components' rectangles present to the sensor.
+
+    Args:
+        plane: The plane around the sensor.
+        lon_m: Components' mean longitudinal positions, shape (m,).
+        lat_m: Components' mean lateral positions, shape (m,).
+        casts_shadow: Which of them count, shape (m,).
+        bodies: Their sizes.
+    """
     depth = np.full((2, BEARINGS), np.inf)
     caster = np.full((2, BEARINGS), -1, dtype=np.int64)
     x, y = plane.seen_from_sensor(lon_m, lat_m)

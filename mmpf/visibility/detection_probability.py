@@ -19,11 +19,15 @@ def detection_probabilities(
     reach_shares: FloatArray,
     hidden_probability: float,
 ) -> FloatArray:
-    """Return the probability of a detection given visible fraction and distance, the data sheet as a function, (n,).
+    """Return the probability of a detection given the visible fraction, the sensor's data sheet as a function.
 
-    ``reach_shares`` is what remains of its probability in each ring around the sensor, see
-    ``mmpf.visibility.range_profile``; ``hidden_probability`` remains for a vehicle that seems hidden: the shadow may be
-    wrong.
+    Args:
+        visible_fraction: Visible fraction, shape (n,).
+        distance_m: Distance from the sensor, shape (n,).
+        sensor: The data sheet.
+        reach_shares: What remains of its detection probability in each ring around the sensor, see
+            ``mmpf.visibility.range_profile``, shape (rings,).
+        hidden_probability: What remains for a vehicle that seems hidden: the shadow may be wrong.
     """
     probability = np.empty(len(visible_fraction))
     in_rings = in_plain_view(sensor, reach_shares)

@@ -14,8 +14,14 @@ def share_in_field(
 ) -> FloatArray | None:
     """Return the share of each vehicle's angular extent in the field of view, shape (n,); None if that is all around.
 
-    Sectors of no free distance at all lie outside. ``half_width_m`` is half a vehicle's extent across the line of
-    sight.
+    Sectors of no free distance at all lie outside.
+
+    Args:
+        plane: The plane around the sensor.
+        lon_m: Longitudinal positions, shape (n,).
+        lat_m: Lateral positions, shape (n,).
+        half_width_m: Half the extent of each vehicle across the line of sight, shape (n,).
+        free_space: What the sensor knows of its shadows; None if it does not say.
     """
     if free_space is None or (free_space.range_m > 0.0).all():
         return None
@@ -37,9 +43,12 @@ def half_widths(length_m: FloatArray, width_m: FloatArray) -> FloatArray:
 
 
 def worth_at_edge(in_field: FloatArray, sensor: SensorModel, hidden_probability: float) -> FloatArray:
-    """Return the factor on detection probabilities of vehicles partly in the field of view, the shape of ``in_field``.
+    """Return the factor on detection probabilities at the edge of the field of view, the shape of ``in_field``.
 
-    ``hidden_probability`` remains outside: the edge may be wrong.
+    Args:
+        in_field: Share of each vehicle in the field of view.
+        sensor: The data sheet.
+        hidden_probability: What remains outside: the edge may be wrong.
     """
     inside = np.minimum(in_field / sensor.full_view_fraction, 1.0)
     return np.where(in_field < sensor.hidden_fraction, hidden_probability, inside)

@@ -13,7 +13,14 @@ from mmpf.numerics.arrays import FloatArray
 
 
 def run_expected(missed: FloatArray, share: float, run_s: float, dt_s: float) -> FloatArray:
-    """Return the probability, (m,), of being in a run of misses a step later, by share of time and length of runs."""
+    """Return the probability of being in a run of misses a step later, shape (m,).
+
+    Args:
+        missed: The probability now, shape (m,).
+        share: Share of time that vehicles spend in runs.
+        run_s: Mean length of a run.
+        dt_s: Length of the step.
+    """
     ends = -np.expm1(-dt_s / (run_s * (1.0 - share)))
     return np.asarray(missed + ends * (share - missed))
 
@@ -21,7 +28,9 @@ def run_expected(missed: FloatArray, share: float, run_s: float, dt_s: float) ->
 def run_after_scan(expected: FloatArray, not_seen: FloatArray, claimed: FloatArray) -> FloatArray:
     """Return the probability of a run after a scan by Bayes' rule: a detection ends any run, shape (m,).
 
-    ``not_seen`` is the probability of no detection, runs included, ``claimed`` the weight of all detections that may be
-    the component's, on the same scale.
+    Args:
+        expected: The probability before the scan, shape (m,).
+        not_seen: Probability of no detection, runs included, shape (m,).
+        claimed: Weight of all detections that may be the component's, on the same scale, shape (m,).
     """
     return np.minimum(expected / np.maximum(not_seen + claimed, 1e-300), 1.0)

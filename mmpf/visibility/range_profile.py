@@ -23,7 +23,13 @@ AS_PROMISED = np.ones(RINGS)
 
 @dataclass(frozen=True)
 class Reach:
-    """Detections in rings of a width around the sensor: those that the data sheet lets expect, and those there were."""
+    """Detections at each distance relative to the data sheet.
+
+    Attributes:
+        ring_m: Width of a ring.
+        expected: Detections that the data sheet lets expect, shape (rings,).
+        detected: Detections that there were, shape (rings,).
+    """
 
     ring_m: float
     expected: FloatArray
@@ -35,15 +41,23 @@ class Reach:
         return cls(range_m / RINGS, np.zeros(RINGS), np.zeros(RINGS))
 
     def shares(self, prior_scans: float) -> FloatArray:
-        """Return the detection probability over the sheet's in each ring; the sheet counts for ``prior_scans``."""
+        """Return the detection probability over the data sheet's in each ring, shape (rings,).
+
+        Args:
+            prior_scans: Expected detections that the data sheet itself counts for.
+        """
         share = (self.detected + prior_scans) / (self.expected + prior_scans)
         return np.asarray(np.clip(share, *SHARE_BOUNDS))
 
     def after(self, distance_m: FloatArray, expected: FloatArray, detected: FloatArray, kept: float) -> Self:
-        """Return the counts after a scan, a share ``kept`` of the former ones not forgotten.
+        """Return the counts after a scan.
 
-        Distances, expected detections and detections are of the vehicles in plain view, shape (k,); those beyond the
-        range count in the last ring.
+        Args:
+            distance_m: Distances of the vehicles in plain view, shape (k,); those beyond the range count in the last
+                ring.
+            expected: Detections that the data sheet lets expect of each, shape (k,).
+            detected: Detections of each, shape (k,).
+            kept: Share of the former counts that is not forgotten.
         """
         ring = np.minimum((distance_m / self.ring_m).astype(np.int64), RINGS - 1)
         return type(self)(
@@ -54,5 +68,11 @@ class Reach:
 
 
 def share_at(distance_m: FloatArray, shares: FloatArray, ring_m: float) -> FloatArray:
-    """Return the share between the middles of the rings, linearly, shape (n,)."""
+    """Return the share between the middles of the rings, linearly, shape (n,).
+
+    Args:
+        distance_m: Distances from the sensor, shape (n,).
+        shares: The share in each ring, shape (rings,).
+        ring_m: Width of a ring.
+    """
     return np.interp(distance_m, (np.arange(len(shares)) + 0.5) * ring_m, shares)

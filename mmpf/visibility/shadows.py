@@ -24,7 +24,13 @@ def visible_fractions(
 ) -> FloatArray:
     """Return the share of each particle's angular extent that no other component's shadow covers, shape (n,).
 
-    The table has the surfaces around, of the components; a particle's own one casts no shadow on it.
+    Args:
+        plane: The plane around the sensor.
+        lon_m: Particles' longitudinal positions, shape (n,).
+        lat_m: Particles' lateral positions, shape (n,).
+        component: Each particle's component, whose own shadow does not count, shape (n,).
+        bodies: Sizes of the components' vehicles.
+        table: The surfaces around, of these components.
     """
     fraction = np.empty(len(lon_m))
     x, y = plane.seen_from_sensor(lon_m, lat_m)
@@ -42,7 +48,15 @@ def visible_fractions(
 def shadowed_share(
     plane: SensorPlane, lon_m: FloatArray, lat_m: FloatArray, bodies: Occluders, free_space: FreeSpace
 ) -> FloatArray:
-    """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,)."""
+    """Return the share of each vehicle's angular extent that the sensor itself asserts to lie in shadow, shape (m,).
+
+    Args:
+        plane: The plane around the sensor.
+        lon_m: Longitudinal positions, shape (m,).
+        lat_m: Lateral positions, shape (m,).
+        bodies: The vehicles' sizes, shape (m,).
+        free_space: The sensor's own free distances, by Cartesian bearing.
+    """
     x, y = plane.seen_from_sensor(lon_m, lat_m)
     distance = np.hypot(x, y)
     bearing = np.arctan2(y, x)

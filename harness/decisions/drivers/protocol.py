@@ -13,9 +13,12 @@ from mmpf.registry import Entry, Registry
 
 @dataclass(frozen=True)
 class Command:
-    """What a driver would do at each of n steps, arrays of shape (n,): the acceleration that it demands.
+    """What a driver would do at each of n steps, arrays of shape (n,).
 
-    It accepts the gap in a lane beside it if it would take it; never where there is no lane.
+    Attributes:
+        accel_mps2: The acceleration that it demands.
+        accepts_left: Whether it would take the gap in the lane to the left; never where there is no lane.
+        accepts_right: The same to the right.
     """
 
     accel_mps2: FloatArray

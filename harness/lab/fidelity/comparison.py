@@ -29,7 +29,16 @@ from harness.truth.network.network import Network
 
 @dataclass(frozen=True)
 class FidelityRequest:
-    """The request of a comparison with measured traffic."""
+    """The request of a comparison with measured traffic.
+
+    Attributes:
+        demands: Demands to be compared; none for all that were measured.
+        seeds: Seeds of each demand's runs.
+        duration_s: Simulated time of a run.
+        fields: Folder of the recorded fields; None to take the figures that travel with the network.
+        recordings: Files and folders of recorded vehicles.
+        workers: Runs at a time.
+    """
 
     demands: tuple[str, ...]
     seeds: tuple[int, ...]

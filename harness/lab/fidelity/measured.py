@@ -62,7 +62,11 @@ class MeasuredSite(_StrictModel):
     periods: dict[str, MeasuredPeriod]
 
     def period(self, demand: str) -> MeasuredPeriod:
-        """Return the period that a demand stands for; an ``InputError`` where none was measured."""
+        """Return the period that a demand stands for.
+
+        Raises:
+            InputError: None was measured.
+        """
         if demand not in self.periods:
             raise InputError(f"`demand` {demand}: nothing was measured for it; measured are: {', '.join(self.periods)}")
         return self.periods[demand]

@@ -26,7 +26,11 @@ BINS = 40
 
 
 def write_fidelity(result: Fidelity, folder: Path) -> None:
-    """Write the result into a folder."""
+    """Write the result into a folder.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / "fidelity.json", json.dumps(result.as_json(), indent=2) + "\n")

@@ -26,7 +26,12 @@ KINDS = ("visible fraction", "seen angle", "expected points")
 
 
 def area_under_curve(value: FloatArray, met: BoolArray) -> float:
-    """Return the probability that a value of those met exceeds one of the others, ties counting half (Mann-Whitney)."""
+    """Return the probability that a value of those met exceeds one of the others, ties counting half (Mann-Whitney).
+
+    Args:
+        value: Values, shape (n,).
+        met: Whose they are, shape (n,); nan where all are alike.
+    """
     true, false = int(met.sum()), int((~met).sum())
     above = float(rankdata(value)[met].sum()) - true * (true + 1) / 2
     return above / (true * false) if true and false else float("nan")

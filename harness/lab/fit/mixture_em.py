@@ -44,6 +44,13 @@ def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int, iterat
     """Fit a joint mixture to inputs (n, p) and outputs (n, q); the start is k-means, equation (14) is maximised by EM.
 
     With more than 60 000 samples, EM first runs on that many of them and is then refined on all.
+
+    Args:
+        x: Inputs, shape (n, p).
+        y: Outputs, shape (n, q).
+        components: Number of components.
+        seed: Seed of the k-means start; the same samples and seed give the same mixture.
+        iterations: Most EM iterations.
     """
     samples, scaling = _standardised(x, y)
     weights, means, covariances = _expectation_maximisation(samples, components, seed, iterations)

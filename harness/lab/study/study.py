@@ -91,7 +91,14 @@ def _rows(study: str, occlusion: str, model: str, scores: Scores, step_s: float)
 def score_row(
     scores: Scores, steps: int | slice, horizon_s: float | None, vehicle: IntArray | None = None
 ) -> dict[str, Any]:
-    """Return the numbers of one horizon, or of the mean over several steps."""
+    """Return the numbers of one horizon, or of the mean over several steps.
+
+    Args:
+        scores: Errors, coverage and sharpness.
+        steps: Which steps, counted from the first one after the start.
+        horizon_s: What is written for the horizon.
+        vehicle: Vehicle of each case where several are of one, shape (m,).
+    """
     rng = np.random.default_rng(0)
 
     def by_case(values: FloatArray) -> FloatArray:

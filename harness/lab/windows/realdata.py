@@ -14,7 +14,14 @@ SNIPPETS = ("commonroad/*.xml", "ngsim/*.csv")
 
 
 def real_data_folder(given: Path | None = None) -> Path:
-    """Return the folder of real recordings, by default that of ``MMPF_REALDATA``; ``InputError`` if there is none."""
+    """Return the folder of real recordings.
+
+    Args:
+        given: What the user said; None for the environment variable ``MMPF_REALDATA``.
+
+    Raises:
+        InputError: Neither is given, or there is no such folder.
+    """
     folder = given or os.environ.get(VARIABLE)
     if not folder or not Path(folder).is_dir():
         wrong = f"no real recordings in {folder}" if folder else "no folder of real recordings is given"
@@ -23,7 +30,11 @@ def real_data_folder(given: Path | None = None) -> Path:
 
 
 def pairs_file(folder: Path) -> Path:
-    """Return the file of leader-follower pairs; an ``InputError`` where it is not there."""
+    """Return the file of leader-follower pairs.
+
+    Raises:
+        InputError: It is not there.
+    """
     path = folder / PAIRS
     if not path.is_file():
         raise InputError(f"`{PARAMETER}`: {folder} has no {PAIRS}; name another folder")
@@ -31,7 +42,11 @@ def pairs_file(folder: Path) -> Path:
 
 
 def snippet_files(folder: Path) -> list[Path]:
-    """Return the files of recorded traffic, by name within each layout; ``InputError`` if there is none."""
+    """Return the files of recorded traffic, sorted by name within each layout.
+
+    Raises:
+        InputError: There is none.
+    """
     found = [path for pattern in SNIPPETS for path in sorted(folder.glob(pattern))]
     if not found:
         raise InputError(

@@ -73,7 +73,13 @@ def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> F
 def mean_with_interval(
     values: FloatArray, rng: np.random.Generator, vehicle: IntArray | None = None
 ) -> tuple[float, tuple[float, float]]:
-    """Return the mean over cases and its 95 % bootstrap interval."""
+    """Return the mean over cases and its 95 % bootstrap interval.
+
+    Args:
+        values: One for each case, shape (m,).
+        rng: Source of the resamples.
+        vehicle: Vehicle of each case, shape (m,), where several cases are of one: whole vehicles are resampled then.
+    """
     if vehicle is None:
         interval = independent_ci(values, rng, RESAMPLES)
     else:

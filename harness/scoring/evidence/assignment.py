@@ -11,11 +11,18 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 def best_assignment(left: IntArray, right: IntArray, score: FloatArray) -> BoolArray:
-    """Choose pairs so that no left and no right item is used twice and the sum of scores is greatest, shape (p,).
+    """Choose pairs so that no left and no right item is used twice and the sum of scores is greatest.
 
-    The pairs, which are distinct, split into connected components, nearly all of which are a single pair; only the
-    others need the Hungarian algorithm. Rows of different time steps never share a pair, so a whole run is solved by
-    one call. Items are not negative, scores positive.
+    The pairs split into connected components, nearly all of which are a single pair; only the others need the
+    Hungarian algorithm. Rows of different time steps never share a pair, so a whole run is solved by one call.
+
+    Args:
+        left: Left item of each pair, shape (p,), not negative. Pairs are distinct.
+        right: Right item of each pair, shape (p,), not negative.
+        score: Gain of each pair, shape (p,), positive.
+
+    Returns:
+        Which pairs are chosen, shape (p,).
     """
     alone = unrivalled(left, right)
     chosen = alone.copy()

@@ -53,7 +53,15 @@ def nearest_row(
 
     A detection has no direction, yet its gate has a longer side. It lies along the vehicle nearest to it, whether the
     detection came from that one, from another one or from none: so the gate depends on the place alone, and a false
-    detection has the gate that a true one would have there. Detections are of shape (d,), rows of truth of shape (n,).
+    detection has the gate that a true one would have there.
+
+    Args:
+        step: Step of each detection, shape (d,); each must have a vehicle.
+        lon_m: Where it is, shape (d,).
+        lat_m: Likewise.
+        of_step: Step of each row of the truth table, shape (n,).
+        of_lon_m: Where the vehicle is, shape (n,).
+        of_lat_m: Likewise.
     """
     if not len(step):
         return np.zeros(0, dtype=np.int64)

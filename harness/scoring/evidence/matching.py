@@ -18,10 +18,14 @@ from mmpf.numerics.arrays import BoolArray, IntArray
 
 @dataclass(frozen=True)
 class Matching:
-    """Matches along the rows of truth, shape (n,), and of tracks, shape (m,); -1 for none.
+    """Matches along the rows of truth and of tracks.
 
-    ``track_row`` and ``truth_row`` are by the gate. ``holder`` is the track (a code as in ``TrackRows.track``) that
-    held the vehicle when it was last detected, ``holder_row`` its row at this step.
+    Attributes:
+        track_row: Row of the track matched to each truth row by the gate, -1 if none, shape (n,).
+        truth_row: Row of the vehicle matched to each track row by the gate, -1 if none, shape (m,).
+        holder: Track (a code as in ``TrackRows.track``) that held the vehicle when it was last detected, -1 if none,
+            shape (n,).
+        holder_row: Row of that track at the step of each truth row, -1 if it is not reported there, shape (n,).
     """
 
     track_row: IntArray

@@ -16,10 +16,18 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class MotSequence:
-    """A sequence of n truth rows, m track rows and p pairs of them with a similarity above 0, struct of arrays.
+    """A sequence of truth and tracks, struct of arrays.
 
-    Steps and identities count from 0. Both rows of a pair are of one step; its similarity is in (0, 1], its distance
-    Euclidean.
+    Attributes:
+        steps: Number of steps.
+        truth_step: Step of each truth row, shape (n,).
+        truth_identity: Identity of each truth row, from 0, shape (n,).
+        track_step: Step of each track row, shape (m,).
+        track_identity: Identity of each track row, from 0, shape (m,).
+        pair_truth: Truth row of each pair with a similarity above 0, shape (p,).
+        pair_track: Track row of each pair, same step as the truth row, shape (p,).
+        pair_similarity: Similarity of each pair in (0, 1], shape (p,).
+        pair_distance_m: Euclidean distance of each pair, shape (p,).
     """
 
     steps: int

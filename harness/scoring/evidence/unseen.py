@@ -22,7 +22,12 @@ LINE = ["from_lon_m", "from_lat_m", "to_lon_m", "to_lat_m"]
 
 @dataclass(frozen=True)
 class Stretches:
-    """Vehicles without a track that are expected and that there are on stretches of lane at some moments, (n,)."""
+    """Stretches of lane at some moments, struct of arrays of shape (n,).
+
+    Attributes:
+        expected: How many vehicles without a track are expected there.
+        counted: How many there are.
+    """
 
     expected: FloatArray
     counted: FloatArray

@@ -81,17 +81,19 @@ def calibration_by_visibility(part: CalibrationPart, basis: Basis) -> dict[str, 
 
 
 def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
-    """Compare errors of position along, across and speed with their claimed deviations, both of shape (n, 3).
+    """Compare errors with their claimed deviations.
 
-    An error whose deviation is nan or not positive is left out.
+    Args:
+        error: Errors of longitudinal position, lateral position and speed, shape (n, 3).
+        std: Their claimed standard deviations, shape (n, 3); an error whose deviation is nan or not positive is left
+            out.
 
     Returns:
         ``nees``: normalised estimation error squared over the three, divided by their number: 1 is honest, above is
-            over-confident. Correlations are not reported by tracks, so it is the NEES of a diagonal covariance
-            (Bar-Shalom et al. 2001, section 5.4.2). ``nees_median``: its median, which a few far-off tracks do not
-            move; an honest filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom).
-            ``coverage95``: percent of errors within 1.96 standard deviations, of each quantity. ``n``: number of
-            estimates. nan without estimates.
+        over-confident. Correlations are not reported by tracks, so it is the NEES of a diagonal covariance (Bar-Shalom
+        et al. 2001, section 5.4.2). ``nees_median``: its median, which a few far-off tracks do not move; an honest
+        filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom). ``coverage95``: percent of
+        errors within 1.96 standard deviations, of each quantity. ``n``: number of estimates. nan without estimates.
     """
     part = _measured(error, std, np.zeros(len(error), dtype=bool))
     return _calibrated(part.nees, part.inside[0], part.usable[0])

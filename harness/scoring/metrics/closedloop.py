@@ -136,7 +136,13 @@ def score_crossing(crossed: Crossed) -> dict[str, object]:
 def score_drive(
     driven: DriveRecord, ended: str, contact: Contact | None, settings: ScoringSettings
 ) -> dict[str, object]:
-    """Score an episode's drive, its steps from the hand-over on, at least two; ``ended`` is one of this module's words.
+    """Score an episode's drive.
+
+    Args:
+        driven: The steps from the hand-over on, at least two.
+        ended: Why it ended: one of the words of this module.
+        contact: Its collision; None for none.
+        settings: What a missed and a phantom braking is.
 
     Returns:
         The table ``drive`` of its row. Shares are of the time that it drove; what there is none of is None.

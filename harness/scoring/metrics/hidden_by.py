@@ -83,8 +83,11 @@ def measure_causes(evidence: Evidence) -> CausePart | None:
 def cause_between(by_wall: BoolArray, hidden: BoolArray, onset: IntArray, back: IntArray) -> IntArray:
     """Return what hid a vehicle for most of its hidden steps from one row to a later one, an index into ``CAUSES``.
 
-    ``by_wall`` (walls hide more of it than others do) and ``hidden`` are of shape (n,) along the truth rows, both ends
-    of each time of shape (e,).
+    Args:
+        by_wall: Whether walls hide more of the vehicle than others do, shape (n,) along the truth rows.
+        hidden: Whether it is hidden, shape (n,).
+        onset: First row of each time, shape (e,).
+        back: Last row of each, shape (e,).
     """
     walls, all_hidden = (np.append(0, np.cumsum(each)) for each in (by_wall & hidden, hidden))
     of_walls, of_all = (each[back + 1] - each[onset] for each in (walls, all_hidden))

@@ -25,7 +25,14 @@ class HotaScores:
 
 @dataclass(frozen=True)
 class HotaPart:
-    """Rows, and at each threshold matches and the sum of their association scores, both of shape (thresholds,)."""
+    """What HOTA counts in a sequence, or in a part of one that shares no identity with the others.
+
+    Attributes:
+        truths: Truth rows.
+        tracks: Track rows.
+        matched: Matches at each threshold, shape (thresholds,).
+        association: Sum of the matches' association scores at each threshold, shape (thresholds,).
+    """
 
     truths: int
     tracks: int

@@ -184,8 +184,13 @@ def _worst_first(losses: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def worst_share(counted: IntArray, followed: IntArray, chosen: BoolArray, share: float) -> IntArray:
     """Return the vehicles with the least recall, worst first: a share of the chosen, rounded down, but one at least.
 
-    Of vehicles with equal recall the one with more vehicle-steps is worse, then the one that comes first; shapes are
-    (vehicles,).
+    Of vehicles with equal recall the one with more vehicle-steps is worse, then the one that comes first.
+
+    Args:
+        counted: Vehicle-steps asked for of each vehicle, shape (vehicles,).
+        followed: Those of them with a track.
+        chosen: Vehicles with enough of them, shape (vehicles,).
+        share: The share.
     """
     vehicles = np.flatnonzero(chosen)
     recall = followed[vehicles] / counted[vehicles]

@@ -43,10 +43,12 @@ Score = Callable[[Evidence], Mapping[str, object]]
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric: its function and what people are told of its numbers.
+    """A metric.
 
-    ``score`` returns a table of plain values; what has no rows behind it is nan or None, and never absent. An empty
-    table says that the metric has no meaning on the run's road, and is left out.
+    Attributes:
+        score: Returns its table of plain values; what has no rows behind it is nan or None, and never absent. An empty
+            table says that the metric has no meaning on the run's road, and is left out.
+        quantities: What people are told of its numbers.
     """
 
     score: Score
@@ -57,7 +59,11 @@ METRICS: Registry[Metric] = Registry("metric")
 
 
 def register(name: str, *quantities: Quantity) -> Callable[[Score], Score]:
-    """Return a decorator that makes a function the metric of a name, its key in ``metrics.json``.
+    """Return a decorator that makes a function a metric.
+
+    Args:
+        name: Key of its table in ``metrics.json``.
+        quantities: What people are told of its numbers.
 
     Raises:
         ValueError: The name is taken, or a quantity is none of the metric's.
@@ -143,7 +149,11 @@ def _plain(tables: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
 
 @dataclass
 class Totals:
-    """The metrics of a run that comes stretch by stretch; see ``harness.scoring.metrics.parts``."""
+    """The metrics of a run that comes stretch by stretch; see ``harness.scoring.metrics.parts``.
+
+    Attributes:
+        basis: The rules and the seed.
+    """
 
     basis: Basis
     _parts: dict[str, list[Any]] = field(default_factory=dict)

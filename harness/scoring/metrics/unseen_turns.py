@@ -62,10 +62,15 @@ def measure_turns(evidence: Evidence) -> TurnsPart | None:
 def on_right_route(
     rows: RunRows, onset: IntArray, back: IntArray, judged: IntArray, track: IntArray, cutoff_m: float
 ) -> BoolArray:
-    """Return which vehicles a track follows on the way that they drive; all of shape (e,).
+    """Return which vehicles a track follows on the way that they drive, shape (e,).
 
-    Rows are of each vehicle's last detection, of its re-detection and of when it is judged; a track is a code, -1 if it
-    has none, and does not follow from ``cutoff_m`` on.
+    Args:
+        rows: The run.
+        onset: Row of each vehicle's last detection, shape (e,).
+        back: Row of its re-detection, shape (e,).
+        judged: Row at which it is judged, shape (e,).
+        track: Code of its track, -1 if it has none, shape (e,).
+        cutoff_m: Distance from which a track does not follow a vehicle.
     """
     truth, tracks = rows.truth, rows.tracks
     place = find_track_rows(rows, truth.step[judged], track)

@@ -68,7 +68,11 @@ class TrackerCheck:
     road: Road = ROAD
 
     def __call__(self, make_tracker: TrackerFactory, options: Mapping[str, object] | None = None) -> None:
-        """Examine a tracker; raise ``TrackerCheckError`` if it fails."""
+        """Examine a tracker.
+
+        Raises:
+            TrackerCheckError: The check failed.
+        """
 
         def build(seed: int) -> AnyTracker:
             setting = TrackerSetting(road=self.road, sensor=SENSOR, rng=np.random.default_rng(seed), step_s=STEP_S)

@@ -94,7 +94,16 @@ def nearest_track(tracks: Tracks, car: HasPlace, labelled: LabelledScan) -> int:
 
 
 def require(holds: bool, message: str, labelled: LabelledScan | None = None) -> None:
-    """Require that something holds, else raise ``TrackerCheckError`` with the message and the scan."""
+    """Require that something holds.
+
+    Args:
+        holds: Whether it does.
+        message: What is wrong otherwise.
+        labelled: The scan at which it is.
+
+    Raises:
+        TrackerCheckError: It does not hold.
+    """
     if not holds:
         raise TrackerCheckError(message if labelled is None else _at(message, labelled))
 

@@ -53,7 +53,11 @@ class BoxKalman:
         self._tracks = none_begun(options)
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks."""
+        """Take in one scan and return the tracks.
+
+        Raises:
+            InvalidScanError: See ``mmpf.scan.check_scan``.
+        """
         check_scan(scan, self._time_s)
         options = self._options
         detections = scaled(in_order(scan.detections), options.noise_factor)

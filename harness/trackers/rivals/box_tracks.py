@@ -116,7 +116,14 @@ def predicted(tracks: BoxTracks, interval_s: float, options: BoxOptions, in_plan
 
 
 def overlaps(tracks: BoxTracks, middle_m: FloatArray, detections: Detections, options: BoxOptions) -> FloatArray:
-    """Return the generalised overlap of each box with each detection's, -1 to 1, shape (n, d); -1 if far apart."""
+    """Return the generalised overlap of each box with each detection's, -1 to 1, shape (n, d); -1 of boxes far apart.
+
+    Args:
+        tracks: The boxes.
+        middle_m: Where their middles are taken to be, shape (n, 2).
+        detections: The detections, d of them.
+        options: The size of a vehicle that is not measured.
+    """
     away_m = np.hypot(detections.lon_m - middle_m[:, 0, None], detections.lat_m - middle_m[:, 1, None])
     track, detection = np.nonzero(away_m <= _COMPARED_WITHIN_M)
     size_m, heading = tracks.size_m[track], tracks.heading_rad[track]
@@ -134,7 +141,15 @@ def overlaps(tracks: BoxTracks, middle_m: FloatArray, detections: Detections, op
 def taken_in(
     tracks: BoxTracks, index: IntArray, detections: Detections, detection: IntArray, time_s: float
 ) -> BoxTracks:
-    """Return the boxes after a detection each of some of them, at most one each."""
+    """Return the boxes after a detection each of some of them, at most one each.
+
+    Args:
+        tracks: The boxes before.
+        index: Whose detections they are, shape (k,).
+        detections: All detections.
+        detection: Which of them, shape (k,).
+        time_s: Now.
+    """
     states = updated(tracks.states, index, detections, detection)
     size_m, size_variance = tracks.size_m.copy(), tracks.size_variance_m2.copy()
     heading, heading_variance = tracks.heading_rad.copy(), tracks.heading_variance.copy()

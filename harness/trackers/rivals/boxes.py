@@ -29,6 +29,10 @@ def generalised_overlap(first: FlatBoxes, second: FlatBoxes) -> FloatArray:
 
     From the share of the union that is common (Rezatofighi et al., CVPR 2019) the share of an enclosing shape that
     neither covers is taken off; the enclosing shape is the smallest rectangle in line with the first box.
+
+    Args:
+        first: The first box of each pair, shape (p,).
+        second: The second one.
     """
     corners = _corners_seen_from(first, second)
     half = np.stack([0.5 * first.length_m, 0.5 * first.width_m], axis=-1)

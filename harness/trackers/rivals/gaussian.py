@@ -45,7 +45,13 @@ def in_order(detections: Detections) -> Detections:
 
 
 def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> GatedPairs:
-    """Compare beliefs, their rows in the order of ``kalman.LON`` and so on, and detections by position."""
+    """Compare beliefs and detections by position.
+
+    Args:
+        mean: Means whose rows are those of ``kalman.LON`` and so on, shape (n, 4 or more).
+        covariance: Covariances of the same order.
+        detections: The detections, d of them.
+    """
     off_lon = detections.lon_m - mean[:, LON, None]
     off_lat = detections.lat_m - mean[:, LAT, None]
     lon_lon = covariance[:, LON, LON, None] + detections.std_lon_m**2

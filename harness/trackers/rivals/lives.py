@@ -43,7 +43,15 @@ class Lives:
 
 
 def remembered(lives: Lives, lon_m: FloatArray, lat_m: FloatArray, now: ScanMoment, options: RivalOptions) -> BoolArray:
-    """Return which tracks are kept, shape (n,): those within range and not unseen for too long."""
+    """Return which tracks are kept, shape (n,): those within range and not unseen for too long.
+
+    Args:
+        lives: Their lives.
+        lon_m: Longitudinal positions, shape (n,).
+        lat_m: Lateral positions, shape (n,).
+        now: The time, and where the sensor is.
+        options: How long and how far.
+    """
     longest_s = np.where(lives.confirmed(options), options.longest_unseen_s, options.held_unseen_s)
     away_m = np.hypot(lon_m - now.ego.lon_m, lat_m - now.ego.lat_m)
     is_recent = now.time_s - lives.last_seen_s <= longest_s + TIME_TOLERANCE_S
@@ -67,7 +75,16 @@ def reported(
     options: RivalOptions,
     existence: FloatArray | None = None,
 ) -> Tracks:
-    """Return tracks as they are reported."""
+    """Return tracks as they are reported.
+
+    Args:
+        lives: Their lives.
+        mean: Means that begin with ``LON, SPEED, LAT, LAT_SPEED``, shape (n, 4 or more).
+        covariance: Covariances of the same order.
+        time_s: Now.
+        options: When a track is confirmed, and when hidden.
+        existence: Probability that each is a vehicle, shape (n,); one if None.
+    """
     std = np.maximum(np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0)), SMALLEST_STD)
     confirmed = lives.confirmed(options)
     hidden = confirmed & (time_s - lives.last_seen_s > options.hidden_after_s + TIME_TOLERANCE_S)

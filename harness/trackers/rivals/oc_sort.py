@@ -128,7 +128,11 @@ class OcSort:
         self._tracks = OcTracks(nobody, Observations.first(0.0, nobody.middle_m), nobody.states)
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks."""
+        """Take in one scan and return the tracks.
+
+        Raises:
+            InvalidScanError: See ``mmpf.scan.check_scan``.
+        """
         check_scan(scan, self._times_s[-1] if self._times_s else None)
         options = self._options
         detections = scaled(in_order(scan.detections), options.noise_factor)

@@ -41,7 +41,14 @@ class StoneSoupTracker:
         clutter_density_per_m2: float,
         stitcher: IdentityStitcher | None = None,
     ) -> None:
-        """Wrap a tracker that has been put together."""
+        """Wrap a tracker that has been put together.
+
+        Args:
+            assembly: The tracker and its parts.
+            options: Its settings.
+            clutter_density_per_m2: Expected false detections per square metre.
+            stitcher: Hands on identities; None leaves them as they are.
+        """
         self._assembly = assembly
         self._options = options
         self._layout = options.layout
@@ -53,7 +60,11 @@ class StoneSoupTracker:
         self._time_s: float | None = None
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the confirmed tracks."""
+        """Take in one scan and return the confirmed tracks.
+
+        Raises:
+            InvalidScanError: See ``mmpf.scan.check_scan``.
+        """
         check_scan(scan, self._time_s)
         self._time_s = scan.time_s
         self._follow_ego(scan)

@@ -216,6 +216,12 @@ def read_walls(files: Iterable[Path]) -> FloatArray | None:
 
     Heights are not known and play no part: a building hides whatever is behind it.
 
+    Args:
+        files: SUMO's additional files; those without polygons add nothing.
+
+    Returns:
+        The walls; None if there are none.
+
     Raises:
         InputError: A file can't be read, or there are more walls than any network needs.
     """

@@ -114,12 +114,20 @@ class Network:
 
     @cached_property
     def corridor_road(self) -> CorridorRoad:
-        """The same where there is a main road; else an ``InputError``."""
+        """The same where there is a main road.
+
+        Raises:
+            InputError: There is none.
+        """
         return self.main_road.road(self.section_m)
 
     @property
     def main_road(self) -> Corridor:
-        """The corridor; an ``InputError`` where the network has none."""
+        """The corridor.
+
+        Raises:
+            InputError: The network has none.
+        """
         if self.corridor is None:
             raise InputError(f"`net` {self.name}: this needs a network with a main road, such as us101")
         return self.corridor
@@ -154,7 +162,11 @@ class Network:
         return replace(self, demand_files={**self.demand_files, name: demand})
 
     def demand_for_density(self, density_veh_per_km_lane: float) -> Demand:
-        """Return the demand that ``density`` asks for on this network."""
+        """Return the demand that ``density`` asks for on this network.
+
+        Raises:
+            InputError: The density is not a number or out of range.
+        """
         return self.layout.demand(density_veh_per_km_lane, self.relation)
 
 

@@ -164,7 +164,11 @@ def brings_detections(format_name: str) -> bool:
 
 
 def check_map(format_name: str) -> None:
-    """Refuse with an ``InputError`` to take the map beside a recording as its road where the format has none."""
+    """Refuse to take the map beside a recording as its road where the format has none.
+
+    Raises:
+        InputError: It has none.
+    """
     if format_name not in FORMATS or not FORMATS[format_name].brings_map:
         having = ", ".join(name for name, entry in FORMATS.items() if entry.brings_map)
         raise InputError(

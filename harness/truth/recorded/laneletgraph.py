@@ -44,6 +44,12 @@ def road_of_lanelets(
 ) -> tuple[Road, tuple[float, float]]:
     """Return the road of lanelets: a frame along them where they all lead one way, else the plane.
 
+    Args:
+        lanelets: The lanelets.
+        x: Positions of the traffic, shape (n,).
+        y: Likewise.
+        path: The file, for messages.
+
     Returns:
         The road, and the file's coordinates of the origin of its plane.
 

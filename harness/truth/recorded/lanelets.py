@@ -87,6 +87,14 @@ def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray
 
     The reference line is the smoothed middle of the longest chain of lanelets, of about equally long ones that in the
     middle of the traffic. Lanes are numbered from the left.
+
+    Args:
+        lanelets: The lanelets.
+        x: Positions of the traffic, shape (n,).
+        y: Likewise.
+
+    Returns:
+        The road; its section is the extent of the map.
     """
     trunk = _trunk(lanelets, np.column_stack([x, y]))
     reference = _simplified(_smoothed(at_shares(trunk, _even_shares(trunk))))

@@ -21,7 +21,15 @@ OFF_ROAD, CHANGE, JUMP = 12.0, 4.0, 15.0
 
 
 def lanes_driven(graph: LaneGraph, stay: IntArray, x: FloatArray, y: FloatArray, heading_rad: FloatArray) -> IntArray:
-    """Return the lane of each row's vehicle, ``NOWHERE`` off the road; all of shape (n,), in the order of time."""
+    """Return the lane that each row's vehicle is on, ``NOWHERE`` off the road, shape (n,).
+
+    Args:
+        graph: The lanes.
+        stay: Stay of each row; its rows are in the order of time, shape (n,).
+        x: Places in the plane, metres, shape (n,).
+        y: The same.
+        heading_rad: Where vehicles point, shape (n,).
+    """
     near = graph.lanes_near(x, y, most=8)
     off = np.abs(wrapped(near.heading_rad - heading_rad[:, None]))
     cost = 0.5 * (near.left_m / BESIDE_STD_M) ** 2 + 0.5 * (off / ASTRAY_STD_RAD) ** 2

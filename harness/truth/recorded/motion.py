@@ -54,6 +54,13 @@ def local_slope(values: FloatArray, stay: IntArray) -> FloatArray:
     """Return the derivative in time of values on the clock, by least squares over neighbours of the same stay.
 
     Near the ends of a stay the neighbours on one side are fewer; a lone row has slope 0.
+
+    Args:
+        values: On the clock, sorted by stay and time, shape (n,).
+        stay: Stay of each row, shape (n,).
+
+    Returns:
+        The slopes per second, shape (n,).
     """
     count, sum_t, sum_tt = np.ones(len(values)), np.zeros(len(values)), np.zeros(len(values))
     sum_v, sum_tv = np.zeros(len(values)), np.zeros(len(values))

@@ -20,7 +20,15 @@ LINEAR = ("heading_rad", "speed_mps", "lat_speed_mps", "length_m", "width_m")
 
 @dataclass(frozen=True)
 class Clocked:
-    """Rows on the clock."""
+    """Rows on the clock.
+
+    Attributes:
+        rows: The rows, sorted by stay and time; ``time_s`` is on the clock, from 0.
+        step: Tick of each row, shape (n,).
+        stay: Stay of each row, an index into ``Stays``, shape (n,).
+        filled: How many rows lie in pauses longer than the usual interval.
+        in_plane: Whether the road frame is the plane.
+    """
 
     rows: Rows
     step: IntArray

@@ -73,6 +73,15 @@ def rows_in(
     """Return vehicle-times that are known in the Cartesian plane in a road's frame.
 
     Lateral speeds stay unknown: lanes' directions scatter too much for the drift to follow from the heading.
+
+    Args:
+        road: The road.
+        origin_xy: Coordinates of the origin of its plane.
+        vehicle: Index into the names, shape (n,), n at least 1.
+        time_s: Times, shape (n,).
+        place: x and y of the centres and headings, each (n,).
+        speed_mps: Speeds along the headings, shape (n,).
+        size_m: Lengths and widths, each (n,).
     """
     x, y, direction = place[0] - origin_xy[0], place[1] - origin_xy[1], place[2]
     # Of a bent road as many pieces at a time as fit in memory.

@@ -16,6 +16,14 @@ def open_recorded_traffic(
 ) -> RecordedTrafficTruth:
     """Read recorded traffic.
 
+    Args:
+        path: The file, or the folder of a format that has one.
+        format_name: Name of its format, see ``harness.truth.recorded.formats``.
+        net: Network that the traffic drove on; ``recording`` takes the road from the file.
+        ego: Which vehicles carry the sensor, see ``harness.truth.recorded.egos.plan_egos``.
+        duration_s: How much of the recording is used.
+        start_s: From where on.
+
     Raises:
         InputError: The file is missing, broken, or contradicts itself, or there is no such vehicle.
     """

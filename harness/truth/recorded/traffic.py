@@ -154,7 +154,11 @@ def _(road: LaneGraphRoad, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRe
 
 
 def check_one_road(traffic: RecordedTraffic, path: Path) -> None:
-    """Refuse with an ``InputError`` traffic in the plane, where distances along a road are needed."""
+    """Refuse traffic of which no one road is known, where distances along it are needed.
+
+    Raises:
+        InputError: Its lanes lie in the plane.
+    """
     if not traffic.road.lanes:
         raise InputError(f"{path}: its lanes lead several ways; give a recording of one road, such as a motorway's")
 
@@ -165,6 +169,11 @@ def recorded_window(step: IntArray, stay: IntArray, lon_m: FloatArray) -> tuple[
     An edge is where at least three vehicles appear (or vanish) within 5 m while the recording runs; without such place
     the outermost position is taken. A single vehicle that strays beyond does not move the edge, nor does one that is
     lost half-way.
+
+    Args:
+        step: Step of each row, shape (n,).
+        stay: Stay of each row, sorted by stay and step, shape (n,).
+        lon_m: Longitudinal position of each row, shape (n,).
     """
     first = np.flatnonzero(np.diff(stay, prepend=-1))
     last = np.append(first[1:], len(stay)) - 1

@@ -206,7 +206,13 @@ def _candidates(snapshot: Snapshot) -> tuple[IntArray, IntArray]:
 
 
 def lanes_of(lanes: Sequence[tuple[int, ...]], graph: LaneGraph, place: FloatArray) -> IntArray:
-    """Return the lane that each vehicle's middle is on, (n,): the last one that it has entered beyond its nose."""
+    """Return the lane that each vehicle's middle is on, (n,): the last one that it has entered with more than its nose.
+
+    Args:
+        lanes: The lanes that each one's front was on, the present one first, ``NOWHERE`` off the graph.
+        graph: The lanes.
+        place: The middles, metres, shape (n, 2).
+    """
     found = np.array([entered[0] for entered in lanes], dtype=np.int64)
     settled = found == NOWHERE
     for k in range(max(map(len, lanes), default=0)):

@@ -109,7 +109,11 @@ class RunningSumo:
         self._open = True
 
     def advance(self) -> None:
-        """Go one step on."""
+        """Go one step on.
+
+        Raises:
+            SumoError: SUMO can't.
+        """
         with sumo_errors_in_words(self.sumo):
             self.before_step(self.sumo.simulation.getTime())
             self.sumo.simulationStep()

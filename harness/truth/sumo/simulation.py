@@ -189,7 +189,12 @@ class RoadTraffic(Protocol):
         """Put traffic on the road before the warm-up."""
 
     def wait(self) -> None:
-        """Go on until there can be an ego; an error where none ever appears."""
+        """Go on until there can be an ego.
+
+        Raises:
+            InputError: No vehicle ever appears, and the user's files are to blame.
+            RunError: None appears.
+        """
 
     def read(self) -> object:
         """Return the vehicles as they are now."""
@@ -204,6 +209,9 @@ class RoadTraffic(Protocol):
             window: The readings, ``2 lead + 1``.
             step: Number of the frame.
             ego: The ego so far, empty for none: the frame's is it, or if it has left another one. None asks for none.
+
+        Returns:
+            The frame; None where no vehicle can be the ego.
         """
 
 

@@ -100,7 +100,11 @@ class Pmbm:
         self._mixture = nothing(options.alike_scans)
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks."""
+        """Take in one scan and return the tracks.
+
+        Raises:
+            InvalidScanError: See ``mmpf.scan.check_scan``.
+        """
         check_scan(scan, self._time_s)
         detections = scaled(in_order(scan.detections), self._options.noise_factor)
         mixture = self._predicted(scan)

@@ -28,7 +28,11 @@ def map_files(log: Path) -> list[Path]:
 
 
 def map_file(log: Path) -> Path:
-    """Return the map of a log's folder; an ``InputError`` where there is none, or several."""
+    """Return the map of a log's folder.
+
+    Raises:
+        InputError: There is none, or there are several.
+    """
     found = map_files(log)
     if not found:
         raise InputError(f"`traffic.recording.map`: {log} has no {ARCHIVES}; leave the setting out or add the map")

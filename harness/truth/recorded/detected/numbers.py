@@ -74,6 +74,12 @@ def check_way(path: Path, place: FloatArray) -> None:
 def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArray) -> None:
     """Refuse boxes that nothing on a road has.
 
+    Args:
+        path: The file, for the message.
+        step: Their steps, shape (n,).
+        size: Their extents, metres, shape (n, k).
+        place: Their places, metres, shape (n, k).
+
     Raises:
         InputError: A step is none of a drive, a size that of no vehicle, or a place too far away.
     """

@@ -16,6 +16,10 @@ GATE_M = 2.0
 def pairs_within(away_m: FloatArray, gate_m: float) -> tuple[IntArray, IntArray]:
     """Return pairs within the gate, one to one: as many as can be, and among those the ones nearest in sum.
 
+    Args:
+        away_m: Distances, shape (n, m).
+        gate_m: The largest that makes a pair.
+
     Returns:
         The row and the column of each pair, rows ascending, shape (k,).
     """

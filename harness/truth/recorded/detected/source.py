@@ -173,7 +173,12 @@ def _parked(labels: Labels) -> BoolArray:
 
 
 def unseen(labels: Labels, origin: IntArray) -> BoolArray:
-    """Return which labels are in a time of ``UNSEEN_S`` or longer without a detection of their thing, shape (n,)."""
+    """Return which labels are in a time of ``UNSEEN_S`` or longer without a detection of their thing, shape (n,).
+
+    Args:
+        labels: The labels.
+        origin: Row of the label that each detection is of, or ``NOTHING``, shape (d,).
+    """
     seen = np.zeros(len(labels), dtype=np.bool_)
     seen[origin[origin != NOTHING]] = True
     order = np.lexsort((labels.step, labels.thing))
