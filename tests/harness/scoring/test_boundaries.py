@@ -40,19 +40,9 @@ def scarce(truth_n: int, steps: int, in_range: int = 5, detected: int = 4) -> st
 
 def test_a_run_with_a_vehicle_in_sight_in_a_twentieth_of_its_steps_is_scored_and_one_with_less_is_not():
     assert scarce(5, 100) == scarce(1, 10) == scarce(1, 20) == ""
-    several = "choose more traffic, a longer duration or a longer range"
-    assert scarce(4, 100) == (
-        "`net`: nothing can be scored: 4 vehicle-steps in sight in 100 steps, because vehicles are hardly ever in "
-        f"sight; {several}"
-    )
-    assert scarce(0, 10, in_range=0) == (
-        "`net`: nothing can be scored: 0 vehicle-steps in sight in 10 steps, because no vehicle comes within the "
-        "sensor's range; choose more traffic, another ego or a longer range"
-    )
-    assert scarce(0, 10, detected=0) == (
-        "`net`: nothing can be scored: 0 vehicle-steps in sight in 10 steps, because none of the vehicles in range "
-        "is detected; check the sensor's settings and the network"
-    )
+    assert "4 vehicle-steps in sight in 100 steps, because vehicles are hardly ever" in scarce(4, 100)
+    assert "because no vehicle comes within" in scarce(0, 10, in_range=0)
+    assert "because none of the vehicles in range is detected" in scarce(0, 10, detected=0)
 
 
 def test_parts_of_clear_add_up():

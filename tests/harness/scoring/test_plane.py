@@ -164,12 +164,6 @@ def test_turning_differences_there_and_back_leaves_them():
     np.testing.assert_allclose(turned_back, lon + 1j * lat, atol=1e-12)
 
 
-def test_a_direction_that_is_no_number_is_refused():
-    truth, detections, tracks = Scene(5).vehicle("a", lon=10.0, detected=True).tables()
-    with pytest.raises(ValueError, match="direction_rad"):
-        score_run(truth.assign(direction_rad=np.nan), detections, tracks)
-
-
 def test_persons_on_foot_are_in_no_score():
     truth, detections, tracks = crossing()
     plain = score_run(truth, detections, tracks).metrics

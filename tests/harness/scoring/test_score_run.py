@@ -133,29 +133,6 @@ def test_the_error_of_the_detections_is_that_of_their_noise(scored):
     assert noise["lat_m"] == pytest.approx(0.2 * np.sqrt(2 / np.pi), rel=0.1)
 
 
-def test_a_track_at_a_step_that_truth_does_not_have_is_refused(tables):
-    truth, detections, tracks = tables
-    with pytest.raises(ValueError, match="tracks: step 999"):
-        score_run(truth, detections, tracks.assign(step=999))
-
-
-def test_a_track_that_is_there_twice_at_a_step_is_refused():
-    scene = Scene(3).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0).track(7, lon=30.0)
-    with pytest.raises(ValueError, match="twice"):
-        score_run(*scene.tables())
-
-
-def test_a_track_without_a_position_is_refused():
-    with pytest.raises(ValueError, match="not finite"):
-        score_run(*Scene(3).track(7, lon=np.nan).tables())
-
-
-def test_an_unknown_state_is_refused(tables):
-    truth, detections, tracks = tables
-    with pytest.raises(ValueError, match="'maybe' is none of tentative, confirmed, hidden"):
-        score_run(truth, detections, tracks.assign(state="maybe"))
-
-
 @pytest.mark.slow
 def test_a_minute_with_sixty_vehicles_is_scored_within_a_second():
     run = traffic(steps=600, vehicles=60)

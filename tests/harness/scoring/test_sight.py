@@ -104,11 +104,6 @@ def test_random_tracks_and_detections_give_what_plain_loops_find(seed):
     assert_equal_to_plain_loops(*scene.tables())
 
 
-def test_a_detection_without_a_position_is_refused():
-    with pytest.raises(ValueError, match="detections: a detection has a position that is not finite"):
-        score_run(*Scene(3).clutter(at=[1], lon=np.nan).tables())
-
-
 def _all_confirmed() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     truth, detections, tracks = traffic(steps=100, vehicles=30)
     return truth, detections, tracks.assign(state="confirmed")
