@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from harness.closedloop.beliefs import ego_of, true_bodies
-from harness.closedloop.routes import EgoRoute, edge_of
+from harness.closedloop.routes import LaneRoute, edge_of
 from harness.closedloop.sight import SEEN_OFTEN, is_hidden, moments_in_sight
 from harness.closedloop.traffic import LiveTraffic, row_of, with_ego
 from harness.config.sensor import SensorSettings
 from harness.decisions.crossings import Conflict, LaneChain, crossings_of, yields_on
 from harness.decisions.yielding import EgoPath, meets, on_way, room_before, windows_of
 from harness.truth.frame import Frame
+from mmpf.map.lane_graph import LaneGraph
 
 SOON_S = 5.0
 """An ego that would be at the stop line later is not coming up to it yet."""
@@ -19,19 +20,17 @@ NOBODY = "", False
 
 
 def hidden_with_right_of_way(
-    traffic: LiveTraffic, row: int, way: EgoRoute, settings: SensorSettings
+    traffic: LiveTraffic, row: int, route: LaneRoute, settings: SensorSettings
 ) -> tuple[str, bool]:
     """Return a hidden car that the ego of a row, near its path, must let pass, and whether it had been in sight.
 
     Both would be at the place of conflict within the margin if the one went on as it would on a free road, and the
     other as fast as now. The name is empty if there is none; one not in sight often enough to be known of never was.
     """
-    road, frames = traffic.network.road, tuple(traffic.frames)
-    graph = road.graph
-    assert graph is not None
+    road, frames, graph = traffic.network.road, tuple(traffic.frames), route.graph
     ego = str(frames[-1].vehicle_id[row])
     now = with_ego(frames[-1], ego, frames[-1].step, traffic.step_s)
-    lanes = LaneChain.of(graph, way.lanes)
+    lanes = LaneChain.of(graph, route.lanes)
     course, yields = EgoPath.of(lanes, ego_of(now)), yields_on(graph, lanes)
     if not yields or not _comes_up_first(course, float(lanes.begins_m[yields[0][0]]), now):
         return NOBODY
@@ -40,7 +39,7 @@ def hidden_with_right_of_way(
             if not _in_range(now, name, settings) or not is_hidden(now, ego, name, road, settings):
                 continue
             seen = moments_in_sight(frames, ego, name, road, settings)
-            if _takes(traffic, name, conflict) and (seen == 0 or seen >= SEEN_OFTEN):
+            if _takes(traffic, graph, name, conflict) and (seen == 0 or seen >= SEEN_OFTEN):
                 return name, seen > 0
     return NOBODY
 
@@ -67,10 +66,8 @@ def _in_range(now: Frame, name: str, settings: SensorSettings) -> bool:
     return bool(away_m <= settings.range_m)
 
 
-def _takes(traffic: LiveTraffic, name: str, conflict: Conflict) -> bool:
+def _takes(traffic: LiveTraffic, graph: LaneGraph, name: str, conflict: Conflict) -> bool:
     """Return whether a vehicle's route goes the way that has right of way."""
-    graph = traffic.network.road.graph
-    assert graph is not None
     edges = [edge_of(graph, lane) for lane in conflict.way.lanes if not graph.in_junction[lane]]
     last = int(conflict.way.lanes[-1])
     follow = graph.successor[graph.first_successor[last] : graph.first_successor[last + 1]].tolist()

@@ -43,8 +43,6 @@ from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.closedloop import (
     BY_COLLISION,
     IN_TIME,
-    OFF_THE_ROAD,
-    WAY_ENDED,
     Contact,
     DriveRecord,
     score_crossing,
@@ -65,9 +63,6 @@ if TYPE_CHECKING:
 
 SENSOR, TRACKER, HUMAN = range(3)
 """Streams of an episode's randomness; none depends on the belief."""
-# As far as the road is known beyond the section, less what a driver looks ahead.
-BEYOND_SECTION_M = 30.0
-STOP_LINE_M = 1.0
 WithStops = Callable[[Belief], Belief]
 """What becomes of a belief on the way to where the ego must yield."""
 
@@ -101,9 +96,8 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
         perception=_perception(planned.variant, road, np.random.default_rng(_child(stream, HUMAN)), traffic.step_s),
         sensor=sensor,
         noise=_child(stream, SENSOR),
+        passage=at.route.passage(traffic.step_s, planned.heed_unseen),
     )
-    if road.graph is not None:
-        loop.passage = Passage.over(road.graph, at.route, traffic.step_s, planned.heed_unseen)
     looks = Looks(
         road=road,
         step_s=traffic.step_s,
@@ -174,7 +168,7 @@ class _Loop:
             if self.at.ego not in frame.vehicle_id:
                 # Where the user's configuration lets SUMO take away who collides, it is gone by now.
                 self.contact = steering.contact(self._frame, time_s)
-                self.ended = self._gone() if self.contact is None else BY_COLLISION
+                self.ended = self.at.route.ended if self.contact is None else BY_COLLISION
                 return
             frame = with_ego(frame, self.at.ego, step, self.traffic.step_s)
             self.contact = steering.contact(frame, time_s)
@@ -182,22 +176,9 @@ class _Loop:
             if self.contact is not None:
                 self.ended = BY_COLLISION
                 return
-            if self._is_at_end():
-                self.ended = self._gone()
+            if self.at.route.is_at_end(frame):
+                self.ended = self.at.route.ended
                 return
-
-    def _gone(self) -> str:
-        """Return why an episode ends whose ego has come to the end of its road."""
-        return OFF_THE_ROAD if self.at.way is None else WAY_ENDED
-
-    def _is_at_end(self) -> bool:
-        """Return whether the road ends soon, or the way up to where the ego would have to stop or give way."""
-        frame, network = self._frame, self.traffic.network
-        lon_m, lat_m = float(frame.lon_m[frame.ego]), float(frame.lat_m[frame.ego])
-        if self.at.way is None or network.plane is None:
-            return lon_m > network.section_m[1] + BEYOND_SECTION_M
-        left_m = self.at.way.left_m(network.plane.graph, int(frame.lane[frame.ego]) - 1, lon_m, lat_m)
-        return left_m < STOP_LINE_M + 0.5 * float(frame.length_m[frame.ego])
 
     def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
         """Let the driver decide by the tracks, and note what it would do by the truth."""
@@ -206,7 +187,7 @@ class _Loop:
         unseen = None if self.unseen is None else self.unseen.after(look.observation.scan, tracks, tracker)
         if look.frame.step < len(self.at.frames) - 1:
             return
-        ego, real = ego_of(look.frame, self.at.route), true_bodies(look.frame)
+        ego, real = ego_of(look.frame, self.at.route.lanes), true_bodies(look.frame)
         sure = bodies.sure()
         with_stops, really = self._pass(look.frame, sure, real, ego, unseen)
         self._demand, _ = self._demanded(bodies, ego, with_stops)

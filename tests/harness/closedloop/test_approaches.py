@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.closedloop.approaches import hidden_with_right_of_way
-from harness.closedloop.routes import way_of
+from harness.closedloop.routes import route_of
 from harness.sensor.profiles import sensor_settings
 from harness.truth.network.network import load_network
 from tests.harness.closedloop.frames import frame_of
@@ -15,7 +15,7 @@ NETWORK = load_network("priority")
 GRAPH = NETWORK.road.graph
 SOUTH, WEST = (GRAPH.name.index(name) for name in ("south_in_0", "west_in_0"))
 SENSOR = sensor_settings("lidar", {})
-WAY = way_of(GRAPH, SOUTH, ["south_in", "north_out"])
+ROUTE = route_of(GRAPH, SOUTH, ["south_in", "north_out"])
 EAST, NORTH = 0.0, 0.5 * np.pi
 
 
@@ -43,7 +43,7 @@ def traffic(ego_m=25.0, ego_mps=8.0, other_m=60.0, other_mps=15.0, route=("west_
 
 
 def found(of):
-    return hidden_with_right_of_way(of, 0, WAY, SENSOR)
+    return hidden_with_right_of_way(of, 0, ROUTE, SENSOR)
 
 
 def test_a_car_behind_the_building_that_was_never_in_sight_is_found():

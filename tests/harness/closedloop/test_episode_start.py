@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from harness.closedloop.beliefs import believed_by_each
-from harness.closedloop.episode_start import _free_ways, _hidden_second_leader, episode_starts
+from harness.closedloop.candidates import candidates_of, hidden_second_leader
+from harness.closedloop.episode_start import episode_starts
 from harness.closedloop.plan import BRAKE, CROSS, FREE
 from harness.sensor.profiles import sensor_settings
+from harness.truth.network.lanegraph import PlaneNetwork
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
 from tests.harness.closedloop.frames import frame_of
@@ -32,7 +34,7 @@ class Standing:
         if not past:
             self.frames[0] = frame_of([0.0], [0.0], names=["another"])
         vehicle = SimpleNamespace(getRoute=dict(zip(names, routes, strict=True)).__getitem__)
-        self.network = SimpleNamespace(road=LaneGraphRoad(graph=graph), plane=SimpleNamespace(graph=graph))
+        self.network = SimpleNamespace(road=LaneGraphRoad(graph=graph), layout=PlaneNetwork(graph, (0.0, 0.0)))
         self.running, self.step_s = SimpleNamespace(sumo=SimpleNamespace(vehicle=vehicle)), 0.1
 
     def advance(self):
@@ -43,7 +45,7 @@ ON = ("before", "in", "on", "last")
 
 
 def eligible(traffic):
-    return list(_free_ways(traffic))
+    return list(candidates_of(traffic, FREE, SENSOR, None).routes)
 
 
 def test_a_car_may_be_the_ego_that_has_eight_seconds_of_way_at_its_speed():
@@ -65,7 +67,7 @@ def test_the_hand_over_tells_the_way_and_kinds_without_a_candidate_come_alone():
     rng = np.random.default_rng(3)
     found = list(episode_starts(traffic, (FREE, BRAKE, CROSS), SENSOR, rng))
     assert [each if isinstance(each, str) else each.kind for each in found] == [FREE, BRAKE, CROSS]
-    assert [GRAPH.name[lane] for lane in found[0].route] == ["in_0", ":j_0", "on_0", "last_0"]
+    assert [GRAPH.name[lane] for lane in found[0].route.lanes] == ["in_0", ":j_0", "on_0", "last_0"]
     assert found[1:] == [BRAKE, CROSS]
 
 
@@ -80,4 +82,4 @@ def test_who_is_to_brake_is_a_hidden_second_leader_seen_before_behind_a_near_lea
     road = highway(3, 3.6)
     traffic = SimpleNamespace(frames=frames, network=SimpleNamespace(road=road))
     belief = believed_by_each(frames[-1], np.array([0]), road)
-    assert _hidden_second_leader(traffic, belief, 0, 0, SENSOR) == found
+    assert hidden_second_leader(traffic, belief, 0, 0, SENSOR) == found

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.closedloop.beliefs import ego_of, true_bodies
-from harness.closedloop.routes import way_of
+from harness.closedloop.routes import MainRoadRoute, route_of
 from harness.decisions.belief import believe
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, LinkControl
 from mmpf.map.graph_road import LaneGraphRoad
@@ -41,26 +41,33 @@ def names(graph, way):
 
 
 def test_the_way_goes_where_the_route_does():
-    assert names(GRAPH, way_of(GRAPH, 0, ["in", "on", "last"])) == ["in_0", ":j_0", "on_0", "last_0"]
-    assert names(GRAPH, way_of(GRAPH, 0, ["in", "up"])) == ["in_0", ":j_1", "up_0"]
+    assert names(GRAPH, route_of(GRAPH, 0, ["in", "on", "last"])) == ["in_0", ":j_0", "on_0", "last_0"]
+    assert names(GRAPH, route_of(GRAPH, 0, ["in", "up"])) == ["in_0", ":j_1", "up_0"]
 
 
 def test_it_ends_before_a_signal_and_where_no_lane_leads_on():
     graph = held_at(0)
-    assert names(graph, way_of(graph, 0, ["in", "on", "last"])) == ["in_0"]
-    assert names(GRAPH, way_of(GRAPH, 0, ["in", "elsewhere"])) == ["in_0"]
+    assert names(graph, route_of(graph, 0, ["in", "on", "last"])) == ["in_0"]
+    assert names(GRAPH, route_of(GRAPH, 0, ["in", "elsewhere"])) == ["in_0"]
 
 
 def test_what_is_left_of_it_is_counted_along_its_lanes():
-    way = way_of(GRAPH, 0, ["in", "on", "last"])
-    assert way.left_m(GRAPH, 0, 20.0, 0.0) == pytest.approx(180.0)
-    assert way.left_m(GRAPH, 3, 100.0, 0.3) == pytest.approx(100.0)
-    assert way.left_m(GRAPH, 4, 60.0, 50.0) == 0.0
+    route = route_of(GRAPH, 0, ["in", "on", "last"])
+    frame = frame_of([20.0, 100.0, 60.0, 198.0, 195.0], [0.0, 0.3, 50.0, 0.0, 0.0], lane=np.array([1, 4, 5, 6, 6]))
+    assert [route.left_m(frame, row) for row in range(5)] == pytest.approx([180.0, 100.0, 0.0, 2.0, 5.0])
+    # The ego of 4.5 m is at the end where its front is less than a metre before it.
+    assert [route.is_at_end(replace(frame, ego=row)) for row in (0, 3, 4)] == [False, True, False]
+
+
+def test_a_main_road_ends_thirty_metres_beyond_its_section_and_has_no_place_to_yield():
+    route, frame = MainRoadRoute(600.0), frame_of([630.1, 630.0], [0.0, 0.0])
+    assert [route.is_at_end(replace(frame, ego=row)) for row in (0, 1)] == [True, False]
+    assert route.passage(0.1, None) is None
 
 
 def test_a_driver_minds_who_is_on_the_way_that_its_route_takes():
     both = frame_of([20.0, 100.0, 60.0], [0.0, 0.0, 60.0], direction_rad=[0.0, 0.0, 0.5 * np.pi])
     road = LaneGraphRoad(graph=GRAPH)
     for edges, leader in ((["in", "on"], 0), (["in", "up"], 1)):
-        ego = ego_of(both, way_of(GRAPH, 0, edges).lanes)
+        ego = ego_of(both, route_of(GRAPH, 0, edges).lanes)
         assert believe(true_bodies(both), ego, road).leader.body[0] == leader

@@ -7,6 +7,7 @@ import pytest
 
 from harness.closedloop.episode_start import EpisodeStart
 from harness.closedloop.plan import BRAKE
+from harness.closedloop.routes import MainRoadRoute
 from harness.closedloop.steering import STANDS_S, Steering, overlaps
 from mmpf.map.corridor_road import highway
 from tests.harness.closedloop.frames import frame_of
@@ -41,7 +42,7 @@ class VehicleApi:
 def steering(collisions=(), **speeds):
     vehicle = VehicleApi(speeds)
     sumo = SimpleNamespace(vehicle=vehicle, simulation=SimpleNamespace(getCollisions=lambda: collisions))
-    return vehicle, Steering(sumo, EpisodeStart(BRAKE, "ego", "other", 1, 1, ()))
+    return vehicle, Steering(sumo, EpisodeStart(BRAKE, "ego", "other", 1, 1, (), MainRoadRoute()))
 
 
 def test_a_provoked_vehicle_stands_after_its_speed_over_five_seconds_and_is_let_go_after_one_more():
@@ -123,5 +124,5 @@ def test_a_contact_tells_with_whom_how_hard_and_who_ran_into_whom():
 def test_what_sumo_reports_is_a_contact_though_the_bodies_seem_apart():
     collision = SimpleNamespace(collider="v0", victim="v1")
     _, hands = steering((collision,), v0=0.0)
-    hands._at = EpisodeStart(BRAKE, "v0", "v1", 1, 1, ())
+    hands._at = EpisodeStart(BRAKE, "v0", "v1", 1, 1, (), MainRoadRoute())
     assert hands.contact(frame_of(lon=[0.0, 5.0], lat=[0.0, 0.0]), 1.0).vehicle_id == "v1"
