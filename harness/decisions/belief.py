@@ -95,7 +95,7 @@ def believe(bodies: Bodies, egos: Egos, road: Road) -> Belief:
 
     In the ego's lane counts who has its centre between the lines, or its body in the way of the ego's.
     """
-    own, left, right = lane_views(egos, bodies, road)
+    own, left, right = lane_views(road, egos, bodies)
     at = bodies.step
     between = np.abs(own.across_m) <= own.half_width_m[at]
     in_the_way = np.abs(own.across_m - own.ego_across_m[at]) < IN_THE_WAY * 0.5 * (egos.width_m[at] + bodies.width_m)

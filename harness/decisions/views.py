@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.ways import ways_of
+from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -41,13 +44,17 @@ class LaneView:
     speed_mps: FloatArray
 
 
-def lane_views(egos: Egos, bodies: Bodies, road: Road) -> tuple[LaneView, LaneView, LaneView]:
+@singledispatch
+def lane_views(road: Road, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneView, LaneView]:
     """Return the ego's own lane, that to its left and that to its right.
 
     On a graph of lanes the own lane goes on along the way that the ego takes, which its driver knows.
     """
-    if road.graph is None:
-        return _on_corridor(egos, bodies, road)
+    raise NotImplementedError(type(road))
+
+
+@lane_views.register
+def _(road: LaneGraphRoad, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneView, LaneView]:
     views = []
     for way in ways_of(egos, road.graph):
         along, across, speed = (np.full(len(bodies), np.nan) for _ in range(3))
@@ -57,7 +64,8 @@ def lane_views(egos: Egos, bodies: Bodies, road: Road) -> tuple[LaneView, LaneVi
     return views[OWN], views[LEFT], views[RIGHT]
 
 
-def _on_corridor(egos: Egos, bodies: Bodies, road: Road) -> tuple[LaneView, LaneView, LaneView]:
+@lane_views.register
+def _(road: CorridorRoad, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneView, LaneView]:
     numbers = np.array([lane.number for lane in road.lanes], dtype=np.int64)
     own = np.full(len(egos), -1)
     for place, number in enumerate(numbers):

@@ -104,16 +104,15 @@ def _seconds(name: str, value: object) -> float:
 
 def setting_lines(setting: TrackerSetting, options: Mapping[str, object]) -> Iterator[str]:
     """Yield the lines that a program receives before the first scan."""
-    road, graph = setting.road, setting.road.graph
+    road = setting.road
     yield f"protocol 1\nframe {'plane' if road.has_headings else 'road'}\nstep_s {setting.step_s!r}\n"
     yield f"seed {setting.rng.integers(2**31)}\n"
     for column in fields(setting.sensor):
         yield f"sensor.{column.name} {float(getattr(setting.sensor, column.name))!r}\n"
     for lane in road.lanes:
         yield f"lane {lane.number} {_numbers([lane.right_m, lane.left_m, lane.start_m, lane.end_m])}\n"
-    if graph is not None and graph.has_map:
-        for number, points in enumerate(np.split(graph.xy, graph.first_point[1:-1])):
-            yield f"lane {number + 1} {_numbers([float(graph.width_m[number]), *points.ravel().tolist()])}\n"
+    for number, line in enumerate(road.lines(), start=1):
+        yield f"lane {number} {_numbers([line.width_m, *line.xy.ravel().tolist()])}\n"
     for name, value in options.items():
         text = value if isinstance(value, str) else json.dumps(value)
         yield f"option {name} {' '.join(text.splitlines())}\n"

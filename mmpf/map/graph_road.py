@@ -99,8 +99,8 @@ class LaneGraphRoad:
         return lat_m - half_m, lat_m + half_m
 
     def lines(self) -> Iterator[LaneLine]:
-        """Yield the lanes."""
-        for k in range(len(self.graph)):
+        """Yield the lanes; none without a map."""
+        for k in range(len(self.graph) if self.graph.has_map else 0):
             yield LaneLine(self.graph.line(k), float(self.graph.width_m[k]), bool(self.graph.in_junction[k]))
 
     def walls_near(self, x: float, y: float, within_m: float) -> FloatArray:

@@ -6,6 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mmpf.map.corridor_road import CorridorRoad, highway
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.lane_graph import without_map
 from mmpf.map.road import Road
 
 
@@ -54,3 +56,7 @@ def test_a_straight_road_maps_exactly():
     road = highway()
     np.testing.assert_array_equal(road.to_cartesian(lon, lat), (lon, lat))
     np.testing.assert_array_equal(road.to_road(lon, lat), (lon, lat))
+
+
+def test_without_a_map_a_road_has_no_lanes():
+    assert list(LaneGraphRoad(without_map()).lines()) == []
