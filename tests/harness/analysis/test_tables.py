@@ -83,27 +83,6 @@ def test_the_themes_of_quantities_stand_under_their_own_words_hidden_ones_first(
 
 
 @pytest.mark.parametrize(
-    ("entry", "sentence"),
-    [
-        (Break("a", None, None, None, False), "a: too few occlusions to find its limit"),
-        (HELD, "mmpf: holds up to 40 veh/km/lane, the highest tested with enough occlusions"),
-        (Break("a", 33.6, None, 45.0, False), "a: breaks at 34 veh/km/lane"),
-        (Break("a", 20.0, None, 45.0, True), "a: breaks at or below 20 veh/km/lane"),
-        (
-            Break("a", 33.6, (30.4, 40.6), 45.0, False),
-            "a: breaks at 34 veh/km/lane (95 % interval 30 to 41)",
-        ),
-        (
-            Break("a", 33.6, (None, None), 45.0, False),
-            "a: breaks at 34 veh/km/lane (95 % interval beyond the grid to beyond the grid)",
-        ),
-    ],
-)
-def test_where_a_tracker_breaks_is_one_sentence(entry, sentence):
-    assert break_sentence(entry) == sentence
-
-
-@pytest.mark.parametrize(
     ("mean", "ci95", "with_interval", "cell"),
     [
         (1.234, (1.0, 2.0), True, "1.23 [1.00, 2.00]"),

@@ -24,24 +24,6 @@ def test_over_seeds_of_one_setting_it_is_the_paired_t_test():
     np.testing.assert_allclose(effect.ci95, oracle.confidence_interval(0.95))
 
 
-def test_a_seed_counts_once_however_many_densities_it_was_run_at():
-    rng = np.random.default_rng(2)
-    difference = rng.normal(1.0, 1.0, 8)
-    density, seed = np.repeat([0, 1, 2], 8), np.tile(EACH, 3)
-    thrice = paired_effect(np.zeros(24), np.tile(difference, 3), density, seed)
-    once = paired_effect(np.zeros(8), difference, ONE, EACH)
-    np.testing.assert_allclose(thrice.ci95, once.ci95)
-
-
-def test_what_differs_between_densities_does_not_widen_the_interval():
-    rng = np.random.default_rng(3)
-    difference = rng.normal(1.0, 1.0, (2, 8))
-    density, seed = np.repeat([0, 1], 8), np.tile(EACH, 2)
-    near = paired_effect(np.zeros(16), difference.ravel(), density, seed)
-    far = paired_effect(np.zeros(16), (difference + np.array([[0.0], [50.0]])).ravel(), density, seed)
-    assert far.se == pytest.approx(near.se)
-
-
 def test_arms_without_common_seeds_are_compared_by_welchs_test():
     rng = np.random.default_rng(4)
     a, b = rng.normal(10.0, 1.0, 8), rng.normal(11.0, 3.0, 5)
@@ -49,38 +31,6 @@ def test_arms_without_common_seeds_are_compared_by_welchs_test():
     oracle = stats.ttest_ind(b, a, equal_var=False)
     assert effect.p == pytest.approx(oracle.pvalue)
     np.testing.assert_allclose(effect.ci95, oracle.confidence_interval(0.95))
-
-
-def test_without_pairs_each_setting_is_compared_with_itself():
-    # The arms differ by 1 at either density; comparing across densities would say -39.
-    density = np.repeat([0, 1], 6)
-    a, b = np.where(density == 0, 10.0, 90.0), np.where(density == 0, 11.0, 91.0)
-    wobble = 0.01 * np.arange(12.0)
-    effect = unpaired_effect(a + wobble, (b + wobble)[4:], (density, density[4:]), (np.arange(12), np.arange(4, 12)))
-    assert effect.difference == pytest.approx(1.0, abs=0.05)
-    assert effect.p < 0.01
-
-
-def test_one_seed_tells_nothing_of_the_scatter():
-    assert np.isnan(paired_effect(np.zeros(3), np.ones(3), np.arange(3), np.zeros(3, dtype=np.int64)).se)
-
-
-def test_vehicles_that_never_meet_are_independent_and_those_always_together_are_one():
-    influence = np.array([0.2, -0.1, 0.3, -0.4]) / 4.0
-    alone = neighbours_effect(1.0, influence, np.eye(4))
-    assert alone.units == 4.0
-    assert alone.se == pytest.approx(np.sqrt((influence**2).sum()) * 4.0 / 3.0)
-    assert np.isnan(neighbours_effect(1.0, influence, np.ones((4, 4))).se)
-
-
-def test_the_units_that_would_decide_shrink_with_the_difference_and_grow_with_the_scatter():
-    a, wobble = np.full(8, 100.0), 4.0 * np.array([-3.0, 2.0, 1.0, -1.0, 3.0, -2.0, 1.5, -1.5])
-    small, large = (paired_effect(a, a + shift + wobble, ONE, EACH) for shift in (3.0, 6.0))
-    needed = [effect.units_to_decide(2.0, 3, effect.difference) for effect in (small, large)]
-    assert needed[0] is not None
-    assert needed[1] is not None
-    assert needed[0] > needed[1]
-    assert paired_effect(a, a + 2.0 + wobble, ONE, EACH).units_to_decide(2.0, 3, 2.0) is None
 
 
 def test_as_many_units_as_are_said_to_decide_do_so_in_about_four_cases_of_five():

@@ -118,13 +118,6 @@ def test_a_stream_that_is_left_half_way_leaves_no_process_behind():
         os.waitpid(-1, os.WNOHANG)
 
 
-def test_reading_apart_costs_little():
-    begin = time.perf_counter()
-    for _ in range(10):
-        isolated(lambda: 1, "file")
-    assert (time.perf_counter() - begin) / 10 < 0.1
-
-
 def test_what_a_fork_starts_ends_with_it():
     def work():
         child = os.fork()

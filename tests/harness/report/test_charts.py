@@ -12,7 +12,7 @@ import pytest
 from harness.analysis.compare import Judgement
 from harness.analysis.curve_charts import grid_charts
 from harness.analysis.verdicts import UNTESTED, WORSE, Rules, Verdict
-from harness.common.charts import DASHES, SERIES, Charts, curves, draw_charts, lines_of
+from harness.common.charts import Charts, draw_charts
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.comparison_chart import comparison_charts
 from harness.report.folder_page import text_page
@@ -179,37 +179,6 @@ def test_diagnostics_are_means_over_stretches_with_the_range_of_their_steps():
     assert births == pytest.approx([10.0] * len(births)), "the first scan of an ego is left out"
     assert {row["series"] for row in rows_of(events)} == {"births", "merges"}
     assert "new ego" in json.dumps(components.spec)
-
-
-def rows(*places, series="a", low=None):
-    return [{"series": series, "place": place, "mean": 1.0, "low": low, "high": None} for place in places]
-
-
-def fields_of(spec, channel):
-    return [layer["encoding"].get(channel) for layer in spec["layer"] if channel in layer.get("encoding", {})]
-
-
-def test_an_axis_of_words_has_points_beside_each_other_and_one_of_numbers_has_lines():
-    both = [*rows("x", "y"), *rows("x", "y", series="b")]
-    words = curves("T", "d", "x", both, lines_of("ab"), ()).spec
-    numbers = curves("T", "d", "x", rows(1.0, 2.0), lines_of("a"), ()).spec
-    assert fields_of(words, "xOffset")
-    assert "line" not in [layer["mark"]["type"] for layer in words["layer"]]
-    assert "line" in [layer["mark"]["type"] for layer in numbers["layer"]]
-
-
-def test_a_share_goes_to_100_and_what_is_always_zero_has_an_axis_to_one():
-    share = curves("T, %", "d", "x", rows(1.0), lines_of("a"), ()).spec
-    zero = curves("T", "d", "x", [rows(1.0)[0] | {"mean": 0.0, "low": 0.0}], lines_of("a"), ()).spec
-    assert fields_of(share, "y")[0]["scale"]["domain"] == [0, 102]
-    assert fields_of(zero, "y")[0]["scale"]["domain"] == [0, 1]
-
-
-def test_many_trackers_take_other_dashes_once_the_colours_are_used_up():
-    names = [f"tracker {place}" for place in range(9)]
-    spec = curves("T", "d", "x", rows(1.0, 2.0), lines_of(names), ()).spec
-    (dash,) = fields_of(spec, "strokeDash")
-    assert dash["scale"]["range"] == [DASHES[0]] * len(SERIES) + [DASHES[1]] * 2
 
 
 def test_charts_without_any_value_are_drawn_as_their_heading(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.common.numbers import as_json
 from harness.decisions.decide import driver_of
-from harness.report.decision_gallery import decision_figure, draw_decisions, worst_brakings
+from harness.report.decision_gallery import decision_figure, worst_brakings
 from harness.report.page import write_run_page
 from harness.report.summary_text import decision_summary
 from harness.running.finished import read_recorded_run
@@ -81,15 +81,6 @@ def test_a_strip_shows_three_moments_and_what_is_demanded(folder):
         truth, tracks = (line for line in curves.get_lines() if len(line.get_xdata()) > 2)
         assert np.asarray(truth.get_ydata()).min() < np.asarray(tracks.get_ydata()).min()
         assert curves.get_xlim() == pytest.approx((0.0, 5.9))
-
-
-def test_strips_of_an_earlier_report_are_removed(folder):
-    figures = folder / "figures"
-    (figures / "decision-5.png").write_bytes(b"old")
-    run = read_recorded_run(folder)
-    paths = draw_decisions(run, worst_brakings(run.brakings), figures)
-    assert [path.name for path in paths] == ["decision-1.png", "decision-2.png"]
-    assert sorted(path.name for path in figures.iterdir()) == ["decision-1.png", "decision-2.png"]
 
 
 def test_the_page_leads_from_a_decision_to_the_replay(folder):

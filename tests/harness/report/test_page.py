@@ -9,7 +9,7 @@ import pytest
 
 from harness.commands.app import EXIT_USER_ERROR, run_command_line
 from harness.common.errors import InputError
-from harness.report.folder_page import text_page, write_page
+from harness.report.folder_page import write_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import write_recorded_scene
 
@@ -97,30 +97,6 @@ def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
     assert "script" not in reader.tags
     assert [address for address in reader.addresses if address.startswith("data:image/png")]
     assert [address for address in reader.addresses if not address.startswith("data:")] == []
-
-
-def test_verdicts_in_tables_are_told_in_words_and_in_colour():
-    rows = [
-        "**better**",
-        "**worse**",
-        "**worse, regression**",
-        "no worse",
-        "undecided",
-        "not tested",
-        "worse than ever",
-    ]
-    page = text_page("# Better?\n\n| b is |\n|---|\n" + "\n".join(f"| {row} |" for row in rows) + "\n\nbetter\n")
-    cells = re.findall(r"<td(?: class=\"verdict (\w+)\")?>(?:<strong>)?([^<]+)", page)
-    assert cells == [
-        ("better", "better"),
-        ("worse", "worse"),
-        ("worse", "worse, regression"),
-        ("same", "no worse"),
-        ("same", "undecided"),
-        ("same", "not tested"),
-        ("", "worse than ever"),
-    ]
-    assert "<p>better</p>" in page
 
 
 def test_the_command_names_the_page_and_its_size(tmp_path, capsys):

@@ -87,14 +87,6 @@ def test_the_page_says_how_many_there_are_and_shows_the_first(run):
     assert (run.folder / "figures" / "gallery-2.png").is_file()
 
 
-@pytest.mark.parametrize(
-    ("never", "dropped", "words"),
-    [(0, 0, ""), (2, 0, "2 never got a track"), (0, 1, "1 lost it"), (3, 1, "3 never got a track and 1 lost it")],
-)
-def test_both_kinds_are_counted_in_words(never, dropped, words):
-    assert withheld_words({"in_plain_view": {"never_reported": never, "dropped": dropped}}) == words
-
-
 def test_the_screen_the_page_and_the_summary_tell_recall_and_an_old_run_has_none(run, capsys):
     scores = run.metrics["in_plain_view"] | {"recall": 97.25, "worst_tenth": 12.0, "never_reported": 1, "dropped": 2}
     known = run.metrics | {"in_plain_view": scores}

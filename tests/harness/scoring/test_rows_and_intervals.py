@@ -16,8 +16,6 @@ from harness.common.bootstrap import (
 )
 from harness.scoring.evidence.rows import _codes, _origins, read_run
 from harness.scoring.evidence.settings import ScoringSettings
-from harness.scoring.metrics.parts import ratio
-from harness.scoring.score import score_run
 from tests.harness.scoring.scenes import Scene
 
 NAN = float("nan")
@@ -143,21 +141,6 @@ def test_students_interval_of_a_ratio_by_hand():
     assert (found.low, found.high) == pytest.approx((mean - half, mean + half))
     ninety = few_groups_ci(sums, counts, 0.9)
     assert ninety.high == pytest.approx(mean + 6.3137515 * half / 12.7062047)
-
-
-def test_a_ratio_of_nothing_is_nan():
-    assert ratio(3.0, 4.0) == 0.75
-    assert np.isnan(ratio(3.0, 0.0))
-
-
-def test_the_gate_and_the_times_of_the_rules_include_their_ends():
-    def followed(lon: float, lat: float) -> str:
-        scene = Scene(5).vehicle("a", lon=50.0, detected=True).track(1, lon=50.0 + lon, lat=lat)
-        return score_run(*scene.tables()).errors["outcome"].iloc[-1]
-
-    assert [followed(*each) for each in ((3.99, 0.0), (4.01, 0.0), (0.0, 1.99), (0.0, 2.01))] == [
-        "tracked", "missed", "tracked", "missed",
-    ]  # fmt: skip
 
 
 def test_settings_of_gospa_fit_within_the_gates():

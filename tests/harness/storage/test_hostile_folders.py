@@ -89,17 +89,6 @@ def test_detections_that_were_left_out_on_purpose_are_replayed_once_the_manifest
     assert run_command_line([word.format(run=scene, out=scene.parent / "out") for word in words]) == 0
 
 
-@pytest.mark.parametrize("words", READERS[:2], ids=lambda words: words[0])
-def test_a_table_whose_bytes_are_cut_is_told_in_one_line(words, scene, capsys):
-    path = scene / "tracks.parquet"
-    for share in (0.0, 0.3, 0.99):
-        content = path.read_bytes()
-        path.write_bytes(content[: int(share * len(content))])
-        assert "tracks.parquet" in told(words, scene, capsys)
-        path.write_bytes(content)
-    assert not (scene / "report.html").exists()
-
-
 @pytest.mark.parametrize("words", READERS, ids=lambda words: words[0])
 @pytest.mark.parametrize("table", ["truth", "detections", "tracks"])
 def test_a_table_with_its_rows_in_another_order_is_refused(table, words, scene, capsys):
@@ -194,12 +183,3 @@ def test_names_with_control_characters_make_valid_xml_and_no_formulas(tmp_path):
     tables = {path.name: path for path in export_csv(run, tmp_path)}
     truth = pd.read_csv(tables["truth.csv"], dtype=str)
     assert {"'=SUM(A1:A9)", "-12.5"} <= set(truth["vehicle_id"])
-
-
-def test_a_state_that_there_is_none_is_told_in_one_line(tmp_path):
-    folder = write_recorded_scene(tmp_path / "scene")
-    tracks = pd.read_parquet(folder / "tracks.parquet").astype({"state": object})
-    tracks.loc[0, "state"] = "=1+1"
-    tracks.to_parquet(folder / "tracks.parquet")
-    with pytest.raises(InputError, match=r"'=1\+1'; there are tentative"):
-        read_recorded_run(folder)
