@@ -41,11 +41,13 @@ class Options(TypedDict):
 def command(options: Options) -> int:
     """Measure the time per step and stage for increasing numbers of vehicles.
 
-    All trackers process the same detections, in turn, in one process.
+    All trackers process the same detections, in turn, in one process. With --against, the code as it is and that of
+    the revision do so in processes of their own, scan by scan; exit code 1 if a step has become slower.
 
     Examples:
       python -m harness bench
       python -m harness bench --trackers mmpf:gmm,mmpf:idm --vehicles 50,200
+      python -m harness bench --against HEAD~1
     """
     from harness.commands.actions.measure import measure  # noqa: PLC0415
 
