@@ -23,6 +23,7 @@ from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, Traf
 from harness.running.complete import KEYS, detection_table, filled, on_clock, slope_of, truth_table
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.looks import Looks
+from harness.running.nuscenes_boxes import nuscenes_scores
 from harness.running.replay import looks_of, read_looks
 from harness.running.resolve import resolve_run_config
 from harness.scoring.metrics.scarce import check_scored
@@ -108,6 +109,9 @@ def score_logs(logs: Logs, out: Path | None, force: bool, command: str) -> tuple
             # Those that stand in for them say nothing of the tracker.
             metrics["calibration"] = _unknown(metrics["calibration"])
             report += "; it tells no deviations, so calibration is null"
+        if by_rules := _by_nuscenes_rules(logs):
+            metrics["nuscenes"] = by_rules
+            report += "; by nuScenes' rules AMOTA is {amota:.3f} and AMOTP {amotp:.3f} m".format(**by_rules)
         write_run(pending.path, evaluated, metrics, config, command, looks.hashes())
         return pending.finish(), metrics, report
     except BaseException:
@@ -120,6 +124,15 @@ def _hand_out(tracks: Mapping[float, Tracks]) -> Any:  # noqa: ANN401  a factory
         return LoggedTracker(tracks)
 
     return build
+
+
+def _by_nuscenes_rules(logs: Logs) -> dict[str, Any] | None:
+    """Return what ``nuscenes_scores`` does of truth and tracks in nuScenes' JSON; None of other files."""
+    pair = logs["truth"], logs["tracks"]
+    if any((logs["format"] or path.suffix.lstrip(".")) not in ("nuscenes", "json") for path in pair):
+        return None
+    ego = _log(logs, TRUTH, logs["truth"]).ego
+    return nuscenes_scores(*pair, None if ego is None else read_poses_table(ego, logs["step"]), logs["step"])
 
 
 def _unknown(table: Mapping[str, Any]) -> dict[str, Any]:

@@ -126,6 +126,27 @@ def test_each_format_gives_the_errors_that_were_put_in_and_hides_what_the_truck_
     assert run_command_line(["export", str(run.folder), "--to", "mot"]) == 0
 
 
+@pytest.mark.parametrize("scored", [True, False])
+def test_nuscenes_results_with_scores_have_amota_and_amotp_by_its_rules(scored, tmp_path, capfd):
+    (tmp_path / "log").mkdir()
+    truth, more = write_nuscenes(tmp_path, "truth", 0.0)
+    tracks, _ = write_nuscenes(tmp_path / "log", "tracks", 0.3)
+    table = json.loads(tracks.read_text())
+    for box in (box for found in table["results"].values() for box in found if scored):
+        box["tracking_score"] = 0.5
+    tracks.write_text(json.dumps(table))
+    words = ["--truth", str(truth), "--tracks", str(tracks), "--out", str(tmp_path / "scored"), *more]
+    assert run_command_line(["score", *words]) == 0
+    told = metrics_of(tmp_path / "scored")
+    assert ("by nuScenes' rules AMOTA is 1.000 and AMOTP 0.300 m" in capfd.readouterr().err) == scored
+    assert ("nuscenes" in told) == scored
+    if scored:
+        # Of each class the recall of the first box is above 10 %, and every other box is 0.3 m off as well.
+        assert told["nuscenes"]["by_class"] == {
+            name: {"amota": pytest.approx(1.0), "amotp": pytest.approx(0.3)} for name in ("car", "truck")
+        }
+
+
 @pytest.fixture
 def run(tmp_path: Path) -> harness.Run:
     scene = write_recorded_scene(tmp_path / "scene")
