@@ -1,8 +1,8 @@
 """A run as an MCAP bag of ROS 2 with Autoware's messages: detections, tracks, the ego's transform and the clock.
 
 ROS is not needed: ``mcap-ros2-support`` encodes the messages as CDR. Positions are in metres in the frame ``map``, the
-plane of the network; speeds and accelerations are along an object's own heading and across it, as in Autoware. Nothing
-in the bag is of the truth but the ego's pose, which its own odometry tells.
+plane of the network; speeds and accelerations are along an object's own heading and across it, as in Autoware. The
+truth is on a topic of its own, on which no tracker listens.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mcap_ros2.writer import Writer
 from harness.export.sizes import NOMINAL_M, SIZE, track_sizes
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 FILE, MAP, EGO = "autoware.mcap", "map", "base_link"
 PACKAGE = "autoware_perception_msgs"
@@ -31,6 +31,7 @@ TOPICS = {
     "/tf": "tf2_msgs/TFMessage",
     "/perception/object_recognition/detection/objects": DETECTED,
     "/perception/object_recognition/tracking/objects": TRACKED,
+    "/perception/object_recognition/ground_truth/objects": TRACKED,
 }
 CAR, HEIGHT_M, STILL_MPS, NANOSECONDS = 1, 1.5, 0.5, 1_000_000_000
 UNAVAILABLE, AVAILABLE = 0, 2
@@ -40,11 +41,16 @@ Message = dict[str, Any]
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
     """Write ``autoware.mcap``, whose topics are ``TOPICS``, into the folder and return it."""
-    clock, tf, detection, tracking = TOPICS
+    clock, tf, *objects = TOPICS
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     poses = dict(zip(ego["step"].tolist(), np.column_stack(run.in_plane(ego)).tolist(), strict=True))
     tracks = run.tracks[(run.tracks["state"] != "tentative").to_numpy()]
-    detected, tracked = _by_step(run.detections, _detected(run)), _by_step(tracks, _tracked(run, tracks))
+    others = run.truth[~run.truth["is_ego"].to_numpy(dtype=bool)]
+    boxes = (
+        _by_step(run.detections, _detected(run)),
+        _by_step(tracks, _tracked(run, tracks)),
+        _by_step(others, _of_truth(run, others)),
+    )
     path = folder / FILE
     with path.open("wb") as file:
         writer: Any = Writer(file)
@@ -63,8 +69,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
                 x, y, heading = poses[step]
                 moved = {"translation": _vector(x, y), "rotation": _turn(heading)}
                 messages[tf] = {"transforms": [{"header": header, "child_frame_id": EGO, "transform": moved}]}
-            messages[detection] = {"header": header, "objects": detected.get(int(step), [])}
-            messages[tracking] = {"header": header, "objects": tracked.get(int(step), [])}
+            for topic, found in zip(objects, boxes, strict=True):
+                messages[topic] = {"header": header, "objects": found.get(int(step), [])}
             for topic, message in messages.items():
                 writer.write_message(topic, schemas[TOPICS[topic]], message, time_ns, time_ns)
         writer.finish()
@@ -118,17 +124,33 @@ def _detected(run: RecordedRun) -> list[Message]:
 
 def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
     episode, number = (tracks[name].to_numpy(dtype=np.int64) for name in ("episode", "track_id"))
-    size = track_sizes(run).of(episode, number)
-    speed, lat_speed, accel = (floats(tracks, name) for name in ("speed_mps", "lat_speed_mps", "accel_mps2"))
-    deviations = np.column_stack([floats(tracks, name) for name in ("std_lon_m", "std_lat_m")])
-    along, existence = floats(tracks, "std_speed_mps"), _column(tracks, "existence", 1.0)
-    x, y, heading = run.in_plane(tracks)
-    turned = _directions(run, tracks)
     # In the plane the tables do not say which way a track heads.
     orientation = UNAVAILABLE if run.road.has_headings else AVAILABLE
+    return _objects(run, tracks, np.column_stack([episode, number]), track_sizes(run).of(episode, number), orientation)
+
+
+def _of_truth(run: RecordedRun, others: pd.DataFrame) -> list[Message]:
+    number = np.unique(others["vehicle_id"].to_numpy(dtype=np.str_), return_inverse=True)[1]
+    if not run.road.has_headings:  # the tables tell rates along the road
+        turn, along, across = (floats(others, name) for name in ("heading_rad", "speed_mps", "lat_speed_mps"))
+        cosine, sine = np.cos(turn), np.sin(turn)
+        rates = {"speed_mps": along * cosine + across * sine, "lat_speed_mps": across * cosine - along * sine}
+        others = others.assign(**rates)
+    return _objects(run, others, np.column_stack([0 * number, number]), others[SIZE].to_numpy(float), AVAILABLE)
+
+
+def _objects(
+    run: RecordedRun, rows: pd.DataFrame, identity: IntArray, size: FloatArray, orientation: int
+) -> list[Message]:
+    """Return rows of tracks or of the truth as objects with an identity of two numbers, shape (n, 2)."""
+    speed, lat_speed, accel = (floats(rows, name) for name in ("speed_mps", "lat_speed_mps", "accel_mps2"))
+    deviations = np.column_stack([_column(rows, name, 0.0) for name in ("std_lon_m", "std_lat_m")])
+    along, existence = _column(rows, "std_speed_mps", 0.0), _column(rows, "existence", 1.0)
+    x, y, heading = run.in_plane(rows)
+    turned = _directions(run, rows)
     return [
         {
-            "object_id": {"uuid": [*int(episode[k]).to_bytes(8), *int(number[k]).to_bytes(8, signed=True)]},
+            "object_id": {"uuid": [byte for part in identity[k].tolist() for byte in part.to_bytes(8, signed=True)]},
             "existence_probability": existence[k], **_body(size[k]),
             "kinematics": {
                 "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], turned[k]),
@@ -138,7 +160,7 @@ def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
                 "is_stationary": bool(np.hypot(speed[k], lat_speed[k]) < STILL_MPS),
             },
         }
-        for k in range(len(tracks))
+        for k in range(len(rows))
     ]  # fmt: skip
 
 

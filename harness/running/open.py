@@ -13,6 +13,7 @@ from harness.common.errors import InputError
 from harness.config.altered import AlteredSettings
 from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
+from harness.running.bag import looks_of_bag
 from harness.running.believedmap import believed_map
 from harness.running.follow import TrackerBuilder
 from harness.running.looks import Looks, RandomStreams, look_at
@@ -29,7 +30,15 @@ from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource
 from harness.truth.network.network import load_network
 from harness.truth.recorded.detected.source import open_drives
-from harness.truth.recorded.formats import FORMATS, brings_detections, check_map, files_of, least_score_of, read_drives
+from harness.truth.recorded.formats import (
+    BAG,
+    FORMATS,
+    brings_detections,
+    check_map,
+    files_of,
+    least_score_of,
+    read_drives,
+)
 from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.sumo.plane_traffic import BEYOND_RANGE_M, REACH_M
 from harness.truth.sumo.simulation import open_traffic
@@ -97,6 +106,8 @@ def _recorded(path: Path, config: RunConfig) -> Looks:
         return _given(path, config, recording)
     if recording.least_score is not None:
         raise InputError(f"`traffic.recording.least_score`: {recording.format} brings no detections; leave it out")
+    if recording.format == BAG:
+        return looks_of_bag(path, config)
     sensor = _sensor(config)
     truth = open_recorded_traffic(
         path, recording.format, traffic.net, recording.ego, traffic.duration_s, recording.start_s

@@ -40,6 +40,8 @@ EXAMPLES = {"pandaset": Path(__file__).parent / "examples" / "pandaset-002.csv.g
 PICKLE = "a pickle"
 PICKLES = tuple(bytes([0x80, protocol]) for protocol in range(2, 6))
 """What pickles begin with, by the protocols that hold arrays."""
+BAG, BAG_BEGINS = "autoware", b"\x89MCAP"
+"""The format that is read as a log, and what an MCAP file begins with."""
 # So many of a format's names tell it; the rest may be missing, and is named then.
 TELLING_NAMES = 5
 NGSIM_TEXT_COLUMNS = 18
@@ -120,8 +122,8 @@ def recognise(path: Path, forced: str | None = None) -> RecordingFormat:
             f"`{PARAMETER}`: {path} is not a run's folder: manifest.json is missing or broken; "
             "nor has it a highD recording"
         )
-    if head == PICKLE:
-        return FORMATS["scenarionet"]
+    if head in (PICKLE, BAG):
+        return FORMATS["scenarionet" if head == PICKLE else BAG]
     for entry in FORMATS.values():
         if entry.recognises(head):
             return entry
@@ -152,7 +154,7 @@ def read_traffic(path: Path, format_name: str, net: str) -> ReadTraffic:
         InputError: The file is broken or does not fit the network.
     """
     entry = recognise(path, format_name)
-    if entry.sensor is not None:
+    if entry.sensor is not None or entry.name == BAG:
         raise InputError(f"`format` {entry.name}: it brings its own detections, which only run and stress replay")
     road = network_of(entry, net)
     return apart(lambda: entry.read(path, road), path, entry.name)
@@ -236,6 +238,8 @@ def _head(path: Path) -> str:
         raise InputError(f"`{PARAMETER}`: {path} is empty; give a file of recorded traffic")
     if head.startswith(PICKLES):
         return PICKLE
+    if head.startswith(BAG_BEGINS):
+        return BAG
     if b"\0" in head:
         raise InputError(f"`{PARAMETER}`: {path} is a binary file; recorded traffic is text: {', '.join(FORMATS)}")
     try:
@@ -285,6 +289,7 @@ FORMATS: dict[str, RecordingFormat] = {
         RecordingFormat("pandaset", True, _with_columns(PANDASET_NAMES), usual_ego="ego"),
         RecordingFormat("scenarionet", True, _is_never_recognised, usual_ego="ego"),
         RecordingFormat("gpudrive", True, _is_gpudrive),
+        RecordingFormat(BAG, True, _is_never_recognised, usual_ego="ego"),
         RecordingFormat("kitti-tracking", True, _is_never_recognised, "kitti-pointrcnn", 2.0, (3.69, 1.40)),
         RecordingFormat("av2", True, _is_never_recognised, "av2-points", brings_map=True),
     )

@@ -46,6 +46,9 @@ OTHER_NAMES = {"x_m": "lon_m", "y_m": "lat_m", "timestamp_s": "time_s", "yaw_rad
 bags: Registry[Callable[[Path, str, str | None], pd.DataFrame]] = Registry(
     "format of logs", entries={"mcap": Entry("harness.truth.recorded.messages:read_bag", extra="mcap")}
 )
+topics: Registry[Callable[[Path, str], str]] = Registry(
+    "format of logs", entries={"mcap": Entry("harness.truth.recorded.messages:topic_of", extra="mcap")}
+)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from harness.storage.schema import REPORTED_STATES
 
 SCENES = "foxglove.SceneUpdate"
 OBJECTS = ("autoware_perception_msgs/msg/TrackedObjects", "autoware_perception_msgs/msg/DetectedObjects")
+GROUND_TRUTH = "ground_truth"
 TRANSFORMS = ("foxglove.FrameTransform", "tf2_msgs/msg/TFMessage")
 EGO, EGO_FRAMES = "ego", ("base_link", "ego")
 VEHICLE_LABELS = (0, 1, 2, 3, 4)
@@ -32,18 +33,14 @@ def read_bag(path: Path, role: str, topic: str | None) -> pd.DataFrame:
 
     Args:
         role: ``truth``, ``detections``, ``tracks`` or ``ego``.
-        topic: The topic; None takes ``/role``, or the only one that has boxes.
+        topic: The topic; None takes ``/role``, or the only one whose messages can be meant: of Autoware's, objects that
+            are detected or tracked, of which those named ``ground_truth`` are the truth.
 
     Raises:
         ValueError: There is no such topic, or several that could be meant.
     """
     with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-        if summary is None:
-            raise ValueError("it has no summary: the recording was not ended")
-        kinds = {
-            each.topic: summary.schemas[each.schema_id].name for each in summary.channels.values() if each.schema_id
-        }
+        kinds = _kinds(make_reader(file).get_summary())
         wanted = "" if role == EGO else _topic(kinds, role, topic)
         transforms = [name for name, kind in kinds.items() if kind in TRANSFORMS]
         reader = make_reader(file, decoder_factories=[ProtobufDecoders(), RosDecoders()])
@@ -77,9 +74,30 @@ def read_bag(path: Path, role: str, topic: str | None) -> pd.DataFrame:
     return rows.reset_index(drop=True)
 
 
+def topic_of(path: Path, role: str) -> str:
+    """Return the topic that a bag has for ``truth``, ``detections`` or ``tracks``; see ``read_bag`` for errors."""
+    with path.open("rb") as file:
+        return _topic(_kinds(make_reader(file).get_summary()), role, None)
+
+
+def _kinds(summary: Any) -> dict[str, str]:  # noqa: ANN401
+    """Return the schema's name of each topic."""
+    if summary is None:
+        raise ValueError("it has no summary: the recording was not ended")
+    return {each.topic: summary.schemas[each.schema_id].name for each in summary.channels.values() if each.schema_id}
+
+
 def _topic(kinds: Mapping[str, str], role: str, topic: str | None) -> str:
     usable = [name for name, kind in kinds.items() if kind == SCENES or kind in OBJECTS]
-    wanted = topic or (f"/{role}" if f"/{role}" in usable else usable[0] if len(usable) == 1 else "")
+    tracked = [name for name in usable if kinds[name] == OBJECTS[0]]
+    real = [name for name in tracked if GROUND_TRUTH in name]
+    meant = {
+        "truth": real or tracked,
+        "detections": [name for name in usable if kinds[name] == OBJECTS[1]],
+        "tracks": [name for name in tracked if name not in real],
+    }[role]
+    choices = next((found for found in ([f"/{role}"], meant, usable) if len(found) == 1 and found[0] in usable), [""])
+    wanted = topic or choices[0]
     if wanted not in usable:
         told = (
             f"no boxes on {topic}" if topic else f"several topics with boxes and no /{role}" if usable else "no boxes"

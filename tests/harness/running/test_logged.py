@@ -210,6 +210,47 @@ def test_a_bag_of_autoware_s_messages_is_read_back_with_the_same_scores(tmp_path
     np.testing.assert_allclose(read_bag(bag, "ego", None)[["lon_m", "lat_m"]], ego[["lon_m", "lat_m"]], atol=1e-9)
 
 
+def test_a_bag_of_autoware_s_messages_is_replayed_with_its_detections_and_its_truth(tmp_path, run, capfd):
+    (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
+    assert (
+        run_command_line(["run", "--replay", str(bag), "--tracker", "oc-sort", "--out", str(tmp_path / "again")]) == 0
+    )
+    assert "truth: /perception/object_recognition/ground_truth/objects" in capfd.readouterr().err
+    again = harness.open_run(tmp_path / "again")
+    keys = ["time_s", "lon_m", "lat_m"]
+    for name, columns in (
+        ("detections", [*keys, "std_lon_m", "std_lat_m"]),
+        ("truth", [*keys, "speed_mps", "accel_mps2", "heading_rad", "length_m", "width_m"]),
+    ):
+        of, read = getattr(run, name), getattr(again, name)
+        if name == "truth":  # of the ego there is a transform alone; a bag's speeds are along an object's own heading
+            of, read = (table[~table["is_ego"]] for table in (of, read))
+            of, read = (t.assign(speed_mps=np.hypot(t["speed_mps"], t["lat_speed_mps"])) for t in (of, read))
+        of, read = (table.sort_values(keys)[columns].to_numpy() for table in (of, read))
+        np.testing.assert_allclose(read, of, atol=1e-6)
+    ego = [table[table["is_ego"]][keys].to_numpy() for table in (run.truth, again.truth)]
+    np.testing.assert_allclose(ego[1], ego[0], atol=1e-6)
+    assert len(again.tracks) > 0
+    short = harness.run(replay=bag, tracker="detections", duration=1.0, out=tmp_path / "short")
+    assert short.truth["step"].nunique() == 10
+
+
+def test_a_bag_without_the_ego_s_transform_is_one_line(tmp_path, capsys):
+    from mcap_ros2.writer import Writer  # noqa: PLC0415
+
+    from harness.export.autoware_bag import TRACKED, definition  # noqa: PLC0415
+
+    with (tmp_path / "bag.mcap").open("wb") as file:
+        writer = Writer(file)
+        schema = writer.register_msgdef(TRACKED.replace("/", "/msg/"), definition(TRACKED))
+        header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "map"}
+        writer.write_message("/tracks", schema, {"header": header, "objects": []}, 0, 0)
+        writer.finish()
+    assert run_command_line(["run", "--replay", str(tmp_path / "bag.mcap"), "--tracker", "oc-sort"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "bag.mcap" in line
+
+
 def test_a_track_in_the_plane_has_no_heading_in_a_bag_of_autoware_s_messages(tmp_path):
     run = harness.run(replay="pandaset", tracker="oracle-kalman", duration=1.0, out=tmp_path / "run")
     (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
