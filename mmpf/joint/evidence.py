@@ -9,8 +9,8 @@ import numpy as np
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments, gate_table
 from mmpf.joint.sources import sources_of
-from mmpf.motion.guided import HEADING
-from mmpf.motion.pointing import heading_ratio
+from mmpf.motion.heading_measurements import heading_ratio
+from mmpf.motion.lane_following import HEADING
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray, IntArray, taken
 from mmpf.numerics.kernels import kernel

@@ -10,7 +10,7 @@ import numpy as np
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
-from mmpf.motion.guided import GATE, AroundOnGraph, guidance
+from mmpf.motion.lane_following import GATE, AroundOnGraph, guidance
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
 from mmpf.motion.turning import road_speeds, turning_driver

@@ -13,7 +13,7 @@ from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
 from mmpf.motion.doubting import Doubting
-from mmpf.motion.free import in_plane
+from mmpf.motion.off_map import in_plane
 from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.numerics.arrays import BoolArray, FloatArray
 from mmpf.options.filter import FlowOptions
@@ -21,7 +21,7 @@ from mmpf.scan import Scan
 from mmpf.surroundings.on_corridor import surroundings_of
 from mmpf.surroundings.on_graph import surroundings_on_graph
 from mmpf.surroundings.reported_route import on_heaviest_way
-from mmpf.surroundings.right_of_way import LinkWatch
+from mmpf.surroundings.right_of_way import SignalEstimator
 
 Belief = tuple[Mixture, Moments, BoolArray]
 
@@ -68,7 +68,7 @@ class _OnCorridor:
 
 class _OnGraph:
     def __init__(self, road: LaneGraphRoad, flow: FlowOptions) -> None:
-        self._graph, self._flow, self._links = road.graph, flow, LinkWatch(road.graph)
+        self._graph, self._flow, self._links = road.graph, flow, SignalEstimator(road.graph)
 
     def motion(self, model: MotionModel) -> MotionModel:
         return in_plane(model, self._graph)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mmpf.belief.mixture import Mixture
 from mmpf.map.lane_graph import LaneGraph
-from mmpf.motion.guided import guidance
+from mmpf.motion.lane_following import guidance
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 

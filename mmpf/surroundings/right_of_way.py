@@ -128,7 +128,7 @@ def open_probability(
     return chance
 
 
-class LinkWatch:
+class SignalEstimator:
     """Which links of a graph can be taken, as watched from scan to scan."""
 
     def __init__(self, graph: LaneGraph) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mmpf.map.lane_graph import NOWHERE, without_map
-from mmpf.motion.free import Unguided, in_plane
-from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
+from mmpf.motion.heading_measurements import heading_ratio
 from mmpf.motion.kinematic import ProcessNoise, kinematic
-from mmpf.motion.pointing import heading_ratio
+from mmpf.motion.lane_following import HEADING, LANE, NEXT, LaneFollowing
+from mmpf.motion.off_map import OffMapMotion, in_plane
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray, wrapped
@@ -21,7 +21,7 @@ AROUND = Surroundings(*(np.zeros(0),) * 5, *(NOBODY,) * 5, *(np.zeros(0),) * 3) 
 RNG = np.random.default_rng(0)
 
 
-def drifting(rate_mps2: float) -> Unguided:
+def drifting(rate_mps2: float) -> OffMapMotion:
     """Return a motion that goes on with its speed and drifts to the left the faster the longer it goes."""
 
     def step(state: FloatArray, around: Surroundings, dt_s: float, rng: np.random.Generator) -> FloatArray:
@@ -31,10 +31,12 @@ def drifting(rate_mps2: float) -> Unguided:
         moved[LAT_SPEED] += dt_s * rate_mps2
         return moved
 
-    return Unguided(Memoryless("drifting", step))
+    return OffMapMotion(Memoryless("drifting", step))
 
 
-def driven(motion: Unguided, heading_rad: list[float], speed_mps: float, steps: int) -> tuple[FloatArray, FloatArray]:
+def driven(
+    motion: OffMapMotion, heading_rad: list[float], speed_mps: float, steps: int
+) -> tuple[FloatArray, FloatArray]:
     state = np.zeros((6, len(heading_rad)))
     state[SPEED] = speed_mps
     latents = motion.draw_latents(state, RNG)
@@ -67,7 +69,7 @@ def test_who_stands_does_not_turn() -> None:
 
 
 def test_sideways_noise_turns_vehicles_and_adds_nothing_to_their_speed() -> None:
-    motion = Unguided(kinematic("csaa", ProcessNoise(0.0, 0.0)))
+    motion = OffMapMotion(kinematic("csaa", ProcessNoise(0.0, 0.0)))
     state, rng = np.zeros((6, 500)), np.random.default_rng(4)
     state[SPEED, 250:] = 10.0
     latents = motion.draw_latents(state, rng)
@@ -81,14 +83,14 @@ def test_sideways_noise_turns_vehicles_and_adds_nothing_to_their_speed() -> None
 
 
 def test_without_lanes_vehicles_turn_by_noise_over_their_speed() -> None:
-    motion = Unguided(drifting(0.0).inner, turning_std=1.2)
+    motion = OffMapMotion(drifting(0.0).inner, turning_std=1.2)
     _, latents = driven(motion, [0.0] * 2000, 10.0, 10)
     assert latents[HEADING].std() == pytest.approx(1.2 / 10.0, rel=0.07)
 
 
 def test_what_stands_drifts_by_the_root_of_time_and_neither_turns_nor_speeds_up() -> None:
     inner = kinematic("csaa", ProcessNoise(0.0, 0.0))
-    state, latents = driven(Unguided(inner, turning_std=1.2, drift_std=0.1), [0.3] * 2000, 0.0, 40)
+    state, latents = driven(OffMapMotion(inner, turning_std=1.2, drift_std=0.1), [0.3] * 2000, 0.0, 40)
     assert state[[LON, LAT]].std(axis=1) == pytest.approx([0.1 * np.sqrt(4.0 * np.exp(-0.05))] * 2, rel=0.07)
     assert (state[SPEED] == 0.0).all()
     assert latents[HEADING] == pytest.approx([0.3] * 2000)
@@ -104,8 +106,8 @@ def test_newborn_particles_are_on_no_lane_and_point_anywhere() -> None:
 
 def test_lanes_guide_where_there_are_any() -> None:
     inner = Memoryless("stand", lambda state, *_: state)
-    assert isinstance(in_plane(inner, graph_of({"bend": arc(60.0, 1.0, 10)})), LaneGuided)
-    assert isinstance(in_plane(inner, without_map()), Unguided)
+    assert isinstance(in_plane(inner, graph_of({"bend": arc(60.0, 1.0, 10)})), LaneFollowing)
+    assert isinstance(in_plane(inner, without_map()), OffMapMotion)
 
 
 def test_a_plane_without_a_map_has_no_lane_beside_any_place_that_is_driven() -> None:

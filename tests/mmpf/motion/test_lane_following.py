@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
-from mmpf.motion.guided import HEADING, LANE, NEXT, LaneGuided
+from mmpf.motion.lane_following import HEADING, LANE, NEXT, LaneFollowing
 from mmpf.motion.protocol import Memoryless, Neighbour, Surroundings
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
@@ -25,7 +25,7 @@ class Drive:
     """Particles that glide along a graph."""
 
     def __init__(self, graph: LaneGraph, lane: list[str], along_m: list[float], speed_mps: float, left_m: float = 0.0):
-        self.motion, self.graph = LaneGuided(Memoryless("glide", glide), graph), graph
+        self.motion, self.graph = LaneFollowing(Memoryless("glide", glide), graph), graph
         index = np.array([graph.name.index(name) for name in lane])
         self.state = np.zeros((6, len(lane)))
         offset = np.full(len(lane), left_m)
@@ -114,7 +114,7 @@ def test_before_a_slower_lane_one_has_slowed_down() -> None:
 
 def test_newborn_vehicles_take_the_lanes_beside_them_in_every_direction_and_none_where_there_is_none() -> None:
     lines = {"there": [(0, 0), (100, 0)], "back": [(100, 2), (0, 2)], "across": [(50, -40), (50, 40)]}
-    motion = LaneGuided(Memoryless("glide", glide), graph_of(lines))
+    motion = LaneFollowing(Memoryless("glide", glide), graph_of(lines))
     state = np.zeros((6, 3000))
     state[LON], state[LAT] = np.repeat([20.0, 50.0, 20.0], 1000), np.repeat([1.0, 1.0, 30.0], 1000)
     latents = motion.draw_latents(state, np.random.default_rng(0))
@@ -172,7 +172,7 @@ def test_who_stands_on_a_lane_goes_on_standing_and_starts_after_a_while() -> Non
 
     graph = graph_of({"bend": arc(60.0, np.pi / 2, 600)})
     drive = Drive(graph, ["bend"] * 4000, [20.0] * 4000, 0.0, left_m=0.8)
-    drive.motion = LaneGuided(Memoryless("pull away", pull_away), graph)
+    drive.motion = LaneFollowing(Memoryless("pull away", pull_away), graph)
     before = drive.state.copy()
     drive.go(10)
     stands = drive.state[SPEED] == 0.0

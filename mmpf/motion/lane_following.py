@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
-from mmpf.motion.pointing import drawn_directions
+from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LON, SPEED
@@ -61,7 +61,7 @@ class AroundOnGraph(Surroundings):
 
 
 @dataclass(frozen=True)
-class LaneGuided:
+class LaneFollowing:
     """A motion model on a lane graph; see ``mmpf.motion.protocol.MotionModel``.
 
     Positions of the state are x and y; speeds and accelerations are along and across the particle's own lane.

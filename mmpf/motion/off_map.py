@@ -2,7 +2,7 @@
 
 The inner model moves a vehicle in a frame that begins where it is and points where it points. What the model makes of
 its lateral speed turns the vehicle: a vehicle goes where it points. The latents have the rows that motion along lanes
-has (``mmpf.motion.guided``), so that whoever reads lanes or directions from particles finds them here too.
+has (``mmpf.motion.lane_following``), so that whoever reads lanes or directions from particles finds them here too.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
-from mmpf.motion.guided import GUIDANCE_SIZE, HEADING, LaneGuided
-from mmpf.motion.pointing import drawn_directions
+from mmpf.motion.heading_measurements import drawn_directions
+from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, LaneFollowing
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
@@ -31,7 +31,7 @@ TURNING_STD = 1.2
 
 
 @dataclass(frozen=True)
-class Unguided:
+class OffMapMotion:
     """A motion model in the plane; see ``mmpf.motion.protocol.MotionModel``.
 
     Positions of the state are x and y; speeds and accelerations are along and across the particle's direction.
@@ -114,6 +114,6 @@ def _turn(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> Floa
     return np.asarray(np.clip(np.arctan2(lat_speed_mps, np.maximum(speed_mps, SLOWEST_TURN_MPS)), -most, most))
 
 
-def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneGuided | Unguided:
+def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneFollowing | OffMapMotion:
     """Return how a model's vehicles move in the plane: along its lanes, or freely where no lanes are known."""
-    return LaneGuided(motion, graph, DRIFT_STD) if graph.has_map else Unguided(motion, TURNING_STD, DRIFT_STD)
+    return LaneFollowing(motion, graph, DRIFT_STD) if graph.has_map else OffMapMotion(motion, TURNING_STD, DRIFT_STD)
