@@ -11,19 +11,10 @@ from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
-from tests.harness.sensor.sensor_scenes import ROAD, frame_of
+from tests.harness.sensor.sensor_scenes import AROUND, CALM, ROAD, false_places, frame_of
 
-AROUND = [(12.0 * k, side) for k in range(-2, 3) for side in (-7.0, 7.0)]
-SENSOR = sensor_settings(
-    "lidar-independent", {"detection_probability": 1.0, "clutter_per_scan": 0.0, "persistent_clutter": 0.0}
-)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _no_free_space():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.sensor.detector.free_space", lambda *_: None)
-        yield
+pytestmark = pytest.mark.usefixtures("no_shadows")
+SENSOR = sensor_settings("lidar-independent", {**CALM, "persistent_clutter": 0.0})
 
 
 def film(steps, cars=AROUND, sensor=SENSOR, speed=0.0, car_speed_mps=None):
@@ -46,12 +37,6 @@ def seen(looks):
     """Return for each vehicle in which looks it was detected."""
     names = sorted({name for look in looks for name in look.frame.vehicle_id.tolist()} - {"ego"})
     return {name: np.array([name in look.observation.truth_id for look in looks]) for name in names}
-
-
-def false_places(look):
-    false = look.observation.truth_id == ""
-    detections = look.observation.scan.detections
-    return detections.lon_m[false], detections.lat_m[false]
 
 
 def test_the_same_seed_alters_alike_and_another_otherwise():
@@ -137,21 +122,21 @@ def test_all_detections_of_a_scan_are_off_with_the_ego_alike():
 def test_false_detections_are_left_out_and_others_put_in():
     noisy = SENSOR.model_copy(update={"clutter_per_scan": 3.0})
     looks = film(300, sensor=noisy)
-    assert np.mean([len(false_places(look)[0]) for look in looks]) == pytest.approx(3.0, abs=0.4)
+    assert np.mean([len(false_places(look.observation)[0]) for look in looks]) == pytest.approx(3.0, abs=0.4)
     clean = done(looks, sensor=noisy, false_kept=False)
-    assert all(len(false_places(look)[0]) == 0 and len(look.observation.truth_id) == 10 for look in clean)
+    assert all(len(false_places(look.observation)[0]) == 0 and len(look.observation.truth_id) == 10 for look in clean)
     others = done(looks, sensor=noisy, false_kept=False, clutter_per_scan=1.0)
-    assert np.mean([len(false_places(look)[0]) for look in others]) == pytest.approx(1.0, abs=0.2)
+    assert np.mean([len(false_places(look.observation)[0]) for look in others]) == pytest.approx(1.0, abs=0.2)
     for look in others:
         look.observation.scan.detections.validate()
-        assert np.isnan(look.observation.detection_visible_fraction).sum() == len(false_places(look)[0])
+        assert np.isnan(look.observation.detection_visible_fraction).sum() == len(false_places(look.observation)[0])
 
 
 def test_posts_are_added_where_they_stay():
     looks = done(film(100, cars=[(30.0, 0.0)]), posts_per_km=5.0, posts_probability=1.0)
-    counts = {len(false_places(look)[0]) for look in looks}
+    counts = {len(false_places(look.observation)[0]) for look in looks}
     assert len(counts) == 1
-    places = [sorted(false_places(look)[0]) for look in looks]
+    places = [sorted(false_places(look.observation)[0]) for look in looks]
     assert np.std(places, axis=0) == pytest.approx(np.full(counts.pop(), 0.3), abs=0.1)
 
 

@@ -6,34 +6,15 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.sensor.detector import build_sensor
 from harness.sensor.failings import drawn_factors
 from harness.sensor.profiles import sensor_settings
-from tests.harness.sensor.sensor_scenes import ROAD, frame_of
+from tests.harness.sensor.sensor_scenes import AROUND, CALM, false_places, film, frame_of
 
-CALM = {"clutter_per_scan": 0.0, "detection_probability": 1.0}
-AROUND = [(12.0 * k, side) for k in range(-2, 3) for side in (-7.0, 7.0)]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _no_free_space():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.sensor.detector.free_space", lambda *_: None)
-        yield
-
-
-def film(frames, **overrides):
-    sensor, rng = build_sensor(sensor_settings("lidar-independent", overrides)), np.random.default_rng(0)
-    return [sensor.observe(replace(frame, step=k, time_s=0.1 * k), ROAD, rng) for k, frame in enumerate(frames)]
+pytestmark = pytest.mark.usefixtures("no_shadows")
 
 
 def shares(seen):
     return {f"car{k}": np.mean([f"car{k}" in one.truth_id for one in seen]) for k in range(1, 11)}
-
-
-def false_places(one):
-    false = one.truth_id == ""
-    return one.scan.detections.lon_m[false], one.scan.detections.lat_m[false]
 
 
 def test_a_vehicle_keeps_its_detectability_all_along():

@@ -12,32 +12,11 @@ from harness.sensor.memory import Chain, next_state
 from harness.sensor.profiles import sensor_settings
 from harness.sensor.returns import _seen_fractions
 from harness.sensor.scene import Scene, sight_to
-from tests.harness.sensor.sensor_scenes import ROAD, frame_of
+from tests.harness.sensor.sensor_scenes import AROUND, CALM, ROAD, film, frame_of
 
 STEP_S = 0.1
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _no_shadows():
-    """Leave out the sensor's shadows, which no test here looks at and which take most of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.sensor.detector.free_space", lambda *_: None)
-        yield
-
-
-CALM = {"clutter_per_scan": 0.0, "detection_probability": 1.0}
-
-
-# Ten cars in plain view, each of them.
-AROUND = [(12.0 * k, side) for k in range(-2, 3) for side in (-7.0, 7.0)]
+pytestmark = pytest.mark.usefixtures("no_shadows")
 NAMES = [f"car{k}" for k in range(1, 11)]
-
-
-def film(frame, steps, profile="lidar-independent", seed=0, **overrides):
-    """Return what one sensor makes of a frame that stands still, scan by scan."""
-    sensor = build_sensor(sensor_settings(profile, overrides))
-    rng = np.random.default_rng(seed)
-    return [sensor.observe(replace(frame, step=k, time_s=STEP_S * k), ROAD, rng) for k in range(steps)]
 
 
 def run_lengths(flags):
@@ -60,7 +39,7 @@ def test_a_chain_has_its_share_and_its_mean_run(share, run_s):
 
 
 def test_bursts_take_their_share_of_time_and_last_as_long_as_asked_for():
-    seen = film(frame_of(*AROUND), 500, **CALM, burst_share=0.15, burst_s=0.8)
+    seen = film([frame_of(*AROUND)] * 500, **CALM, burst_share=0.15, burst_s=0.8)
     missed = np.array([[name not in s.truth_id for name in NAMES] for s in seen])
     assert missed.mean() == pytest.approx(0.15, abs=0.04)
     lengths = np.concatenate([run_lengths(column) for column in missed.T])
@@ -73,7 +52,7 @@ def test_runs_of_misses_leave_the_share_of_misses_as_it_is():
         np.array(
             [
                 [name not in s.truth_id for name in NAMES]
-                for s in film(frame, 400, clutter_per_scan=0.0, detection_probability=0.8, missed_in_runs=share)
+                for s in film([frame] * 400, clutter_per_scan=0.0, detection_probability=0.8, missed_in_runs=share)
             ]
         )
         for share in (0.0, 0.9)
@@ -85,7 +64,7 @@ def test_runs_of_misses_leave_the_share_of_misses_as_it_is():
 
 def test_a_partly_hidden_or_distant_vehicle_is_missed_oftener():
     frame = frame_of((20, 0), (40, 1.4), (-30, 3.66), (-97, -3.66))
-    seen = film(frame, 500, "lidar", clutter_per_scan=0.0, persistent_clutter=0.0)
+    seen = film([frame] * 500, "lidar", clutter_per_scan=0.0, persistent_clutter=0.0)
     missed = [np.mean([f"car{k}" not in s.truth_id for s in seen]) for k in range(1, 5)]
     assert missed[1] > missed[2]
     assert missed[3] > missed[2]
@@ -94,7 +73,7 @@ def test_a_partly_hidden_or_distant_vehicle_is_missed_oftener():
 def test_errors_drift_as_fast_and_as_much_as_asked_for():
     frame = frame_of(*AROUND)
     settings = {"std_range_m": 0.0, "std_bearing_deg": 0.0}
-    seen = film(frame, 500, **CALM, bias_share=0.6, bias_time_s=0.5, **settings)
+    seen = film([frame] * 500, **CALM, bias_share=0.6, bias_time_s=0.5, **settings)
     places = [dict(zip(s.truth_id, s.scan.detections.lon_m, strict=True)) for s in seen]
     error = np.array([[row[name] for name in NAMES] for row in places]) - frame.lon_m[1:]
     assert error.std() == pytest.approx(0.3, rel=0.08)
@@ -104,7 +83,7 @@ def test_errors_drift_as_fast_and_as_much_as_asked_for():
 
 
 def test_without_drift_errors_are_independent_from_scan_to_scan():
-    error = np.array([s.scan.detections.lon_m[0] for s in film(frame_of((30, 0)), 600, **CALM)])
+    error = np.array([s.scan.detections.lon_m[0] for s in film([frame_of((30, 0))] * 600, **CALM)])
     assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(0.0, abs=4 / np.sqrt(600))
 
 
@@ -117,7 +96,7 @@ def test_false_objects_stay_for_their_mean_life_and_have_their_number():
         "persistent_clutter_probability": 1.0,
         "persistent_clutter_moving": 0.0,
     }
-    seen = film(frame_of((30, 0)), 800, **overrides)
+    seen = film([frame_of((30, 0))] * 800, **overrides)
     numbers = np.array([len(s.truth_id) for s in seen], dtype=float)
     assert numbers.mean() == pytest.approx(6.0, rel=0.15)
     # The number present in an M/G/infinity queue is correlated as lives go on: exp(-lag / life).
@@ -137,7 +116,7 @@ def test_what_moves_among_false_objects_moves_with_the_traffic():
         "persistent_clutter_moving": 1.0,
     }
     for seed in range(20):
-        seen = film(frame_of((30, 0, 12.0)), 15, seed=seed, **overrides)
+        seen = film([frame_of((30, 0, 12.0))] * 15, seed=seed, **overrides)
         if all(len(s.truth_id) == 1 for s in seen):
             places = np.array([s.scan.detections.lon_m[0] for s in seen])
             if np.ptp(places) < 50.0:
@@ -149,22 +128,22 @@ def test_what_moves_among_false_objects_moves_with_the_traffic():
 def test_a_split_truck_gives_two_boxes_of_which_one_stands_for_it():
     frame = frame_of((30, 0))
     frame = replace(frame, length_m=np.array([4.7, 16.0]))
-    seen = film(frame, 500, **CALM, split_share=0.2, split_s=0.3)
+    seen = film([frame] * 500, **CALM, split_share=0.2, split_s=0.3)
     double = np.array([len(s.truth_id) == 2 for s in seen])
     assert double.mean() == pytest.approx(0.2, abs=0.06)
     assert all(sorted(s.truth_id) in (["car1"], ["", "car1"]) for s in seen)
     both = next(s for s, two in zip(seen, double, strict=True) if two).scan.detections
     assert both.sizes.length_m.sum() == pytest.approx(16.0, abs=3.0)
-    assert len(film(frame_of((30, 0)), 100, **CALM, split_share=0.9)[-1].truth_id) == 1
+    assert len(film([frame_of((30, 0))] * 100, **CALM, split_share=0.9)[-1].truth_id) == 1
 
 
 def test_two_cars_close_together_become_one_box_over_both_and_others_never_do():
-    close = film(frame_of((20, 2.5), (20, 5.4)), 500, **CALM, merged_share=0.3, merged_s=0.3, merged_gap_m=1.5)
+    close = film([frame_of((20, 2.5), (20, 5.4))] * 500, **CALM, merged_share=0.3, merged_s=0.3, merged_gap_m=1.5)
     single = [s for s in close if len(s.truth_id) == 1]
     # Either of the two would merge with probability 0.3.
     assert len(single) / len(close) == pytest.approx(1 - 0.7**2, abs=0.08)
     assert np.mean([s.scan.detections.sizes.width_m[0] for s in single]) == pytest.approx(2.9 + 1.9, abs=0.2)
-    apart = film(frame_of((20, 2.5), (-20, 2.5)), 100, **CALM, merged_share=0.9)
+    apart = film([frame_of((20, 2.5), (-20, 2.5))] * 100, **CALM, merged_share=0.9)
     assert all(len(s.truth_id) == 2 for s in apart)
 
 
@@ -174,12 +153,12 @@ def test_the_box_of_a_partly_hidden_car_recedes_from_who_hides_it():
         np.mean(
             [
                 s.scan.detections.lat_m[s.truth_id == "car2"][0] - frame.lat_m[2]
-                for s in film(frame, 200, **CALM, centre_shift_share=share, view_exponent=0.0)
+                for s in film([frame] * 200, **CALM, centre_shift_share=share, view_exponent=0.0)
             ]
         )
         for share in (0.0, 1.0)
     )
-    hidden = 1 - film(frame, 1)[0].visible_fraction[2]
+    hidden = 1 - film([frame])[0].visible_fraction[2]
     assert steady == pytest.approx(0.0, abs=0.2)
     assert shifted - steady == pytest.approx(0.5 * hidden * 1.9, rel=0.3)
 
@@ -208,7 +187,7 @@ def test_an_ideal_sensor_sees_whoever_is_not_hidden_and_nothing_else():
     for seed in range(10):
         cars = np.stack([rng.uniform(-90, 90, 25), 3.66 * rng.integers(-2, 3, 25) + rng.normal(0, 0.3, 25)], axis=-1)
         frame = frame_of(*cars.tolist())
-        for seen in film(frame, 5, "ideal", seed=seed):
+        for seen in film([frame] * 5, "ideal", seed=seed):
             there = seen.in_range & (seen.visible_fraction >= 0.16)
             there[frame.ego] = False
             assert sorted(seen.truth_id) == sorted(frame.vehicle_id[there])
@@ -217,7 +196,7 @@ def test_an_ideal_sensor_sees_whoever_is_not_hidden_and_nothing_else():
 @pytest.mark.parametrize("profile", ["ideal", "lidar", "lidar-independent", "radar", "camera"])
 def test_equal_seeds_give_equal_bytes_over_a_run_and_a_new_episode_forgets(profile):
     frame = frame_of((30, 0), (34, 3.0), (-20, -4), (50, 1.5))
-    one, two = (film(frame, 30, profile, seed=5, latency_s=0.1) for _ in range(2))
+    one, two = (film([frame] * 30, profile, seed=5, latency_s=0.1) for _ in range(2))
     for first, second in zip(one, two, strict=True):
         assert first.scan.detections.lon_m.tobytes() == second.scan.detections.lon_m.tobytes()
         assert first.scan.detections.std_lon_m.tobytes() == second.scan.detections.std_lon_m.tobytes()
