@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
 
 from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
@@ -106,7 +105,9 @@ def chosen_worlds(asked: str | None, sensor: SensorSettings, *, of_finished: boo
             chosen |= usual
             continue
         if _typed(word) not in known:
-            raise InputError(f"`mismatch` {word!r}: no such world{_hint(word, known)}")
+            near = difflib.get_close_matches(_typed(word), known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {ALL}, {', '.join(known)}"
+            raise InputError(f"`mismatch` {word!r}: no such world; {hint}")
         name, words = known[_typed(word)]
         chosen[name] = words
     for name, words in chosen.items():
@@ -125,8 +126,3 @@ def _simulates(words: tuple[str, ...]) -> bool:
 def _typed(name: str) -> str:
     """Return a world's name as it is typed: no spaces."""
     return re.sub(r"[^\w.]+", "-", name.strip().lower()).strip("-")
-
-
-def _hint(word: str, known: Mapping[str, object]) -> str:
-    near = difflib.get_close_matches(_typed(word), known, n=1)
-    return f"; did you mean {near[0]}?" if near else f"; there are {ALL}, {', '.join(known)}"

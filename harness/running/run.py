@@ -185,7 +185,8 @@ class _Attempt:
         begin = perf_counter()
         config, folder, writer = self._config, self._folder, self._writer
         write_config(config, folder / runfolder.CONFIG)
-        with writer.timed("open"), working(_opening(config), quiet):
+        opening = "reading the recording" if config.replay is not None else "warming up traffic"
+        with writer.timed("open"), working(opening, quiet):
             looks = self._looks = open_looks(config)
         writer.code, models = provenance_of([config])
         writer.inputs = looks.hashes() | models
@@ -242,7 +243,3 @@ class _Attempt:
             moment=moment.moment,
             diagnostics=sampled_rows(told, MOST_DRAWN) if told.is_file() else None,
         )
-
-
-def _opening(config: RunConfig) -> str:
-    return "reading the recording" if config.replay is not None else "warming up traffic"

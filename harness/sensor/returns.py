@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from harness.config.sensor import SensorSettings
 from harness.sensor.failings import (
     DetectedBoxes,
     advance,
@@ -64,7 +63,8 @@ def vehicle_returns(memory: SensorMemory, scene: Scene, step_s: float, rng: np.r
     origin = np.flatnonzero((chance < factor * (probability / (1.0 - misses.share))) & ~gone)
     boxes = _boxes(scene, now, origin)
     normals = np.where(boxes.second[:, None], of_second[boxes.origin], white[boxes.origin])
-    share = _drifting(settings)
+    # The deviation of the share that drifts of each of a vehicle's standard normal errors.
+    share = np.where(np.arange(NORMALS) == SPEED_NORMAL, 0.0, np.sqrt(settings.bias_share))
     drifts = share * drift[boxes.origin] + np.sqrt(1.0 - share**2) * normals
     reports = reports[boxes.origin + count * boxes.second]
     named = np.where(boxes.second, -1, boxes.origin)
@@ -87,11 +87,6 @@ def _boxes(scene: Scene, now: VehicleMemory, origin: IntArray) -> DetectedBoxes:
     side = np.sign(wrapped(bearing[boxes.origin] - bearing[hider]))
     side[hider < 0] = 0.0
     return shifted(settings, boxes, fraction[boxes.origin], scene.sight.against_axis[boxes.origin], side)
-
-
-def _drifting(settings: SensorSettings) -> FloatArray:
-    """Return the deviation of the share that drifts of each of a vehicle's standard normal errors."""
-    return np.where(np.arange(NORMALS) == SPEED_NORMAL, 0.0, np.sqrt(settings.bias_share))
 
 
 def _measured(scene: Scene, boxes: DetectedBoxes, named: IntArray, normals: tuple[FloatArray, FloatArray]) -> Returns:

@@ -189,7 +189,8 @@ class _Program:
 
     def ask(self, text: str, limit_s: float) -> list[list[str]]:
         """Write lines and return the answer's, word by word; a ``RunError`` where none comes."""
-        self._receive()
+        for pipe in (self._out, self._err):
+            self._receive_from(pipe)
         if self._read:
             raise RunError(f"{self.name}: it wrote {_shown(self._read.decode(errors='replace').split())} unasked")
         rest, deadline = memoryview(text.encode()), monotonic() + limit_s
@@ -238,10 +239,6 @@ class _Program:
         lines = self._read.split(b"\n", count + 1)
         self._read = lines[-1]
         return [words, *(line.decode(errors="replace").split() for line in lines[1:-1])]
-
-    def _receive(self) -> None:
-        for pipe in (self._out, self._err):
-            self._receive_from(pipe)
 
     def _receive_from(self, pipe: int) -> bool:
         """Read what there is; return whether more may come."""

@@ -43,13 +43,14 @@ def write_fidelity(result: Fidelity, folder: Path) -> None:
 
 def as_markdown(result: Fidelity) -> str:
     """Return the result as Markdown."""
+    targets = [_target_row(period, target) for period in result.periods for target in period.targets]
     lines = [
         f"# How real the traffic on {result.network} is",
         "",
         f"{result.setting['minutes']:g} simulated minutes on each of {len(result.setting['seeds'])} seeds a period; "
         f"the first minutes that the recording undercounts are left out on both sides. Measured: {result.source}.",
         "",
-        *markdown_table(TARGET_HEADINGS, _target_rows(result)),
+        *markdown_table(TARGET_HEADINGS, targets),
         "",
         summary(result),
         "",
@@ -76,10 +77,6 @@ def summary(result: Fidelity) -> str:
     listed = [target for period in result.periods for target in period.targets]
     agree = f"{sum(target.met for target in listed)} of {len(listed)} figures agree"
     return f"{agree} with the measured ones within what is allowed."
-
-
-def _target_rows(result: Fidelity) -> list[tuple[str, ...]]:
-    return [_target_row(period, target) for period in result.periods for target in period.targets]
 
 
 def _target_row(period: Period, target: Target) -> tuple[str, ...]:

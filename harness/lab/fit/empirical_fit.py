@@ -26,7 +26,8 @@ def fit_empirical(led: CarFollowing) -> EmpiricalFollower:
     seen = situation(*(column[:, now].ravel() for column in situation_columns(led))).T
     change = np.diff(led.accel_mps2, axis=1).ravel()
     axes = (seen[0], seen[1], seen[3], seen[2])
-    edges = tuple(_edges(axis, count) for axis, count in zip(axes, CELLS, strict=True))
+    inner = [np.linspace(0.0, 1.0, count + 1)[1:-1] for count in CELLS]
+    edges = tuple(np.unique(np.quantile(axis, shares)) for axis, shares in zip(axes, inner, strict=True))
     shape = tuple(len(along) + 1 for along in edges)
     empty = EmpiricalFollower(edges, np.zeros((*shape, QUANTILES)))
     cell = empty.cells(seen)
@@ -38,10 +39,6 @@ def fit_empirical(led: CarFollowing) -> EmpiricalFollower:
         short = (counts < FEWEST) & (enough[coarse] >= FEWEST)
         filled[short], counts[short] = instead[coarse[short]], enough[coarse[short]]
     return EmpiricalFollower(edges, filled.reshape(*shape, QUANTILES))
-
-
-def _edges(values: FloatArray, cells: int) -> FloatArray:
-    return np.unique(np.quantile(values, np.linspace(0.0, 1.0, cells + 1)[1:-1]))
 
 
 def _quantiles(values: FloatArray, cell: IntArray, cells: int) -> tuple[FloatArray, IntArray]:

@@ -76,7 +76,8 @@ def _tables(rows: Sequence[Row], lateral: bool) -> list[str]:
     lines: list[str] = []
     for quantity, label in (QUANTITIES | (LATERAL_QUANTITIES if lateral else {})).items():
         lines += [*table(f"MAE of {label}", partial(error_cell, quantity=quantity)), ""]
-    return [*lines, *table("position: coverage of the 95 % interval; CRPS, m", _sharpness)]
+    heading = "position: coverage of the 95 % interval; CRPS, m"
+    return [*lines, *table(heading, lambda row: f"{100 * row['coverage95_lon_m']:.0f} %; {row['crps_lon_m']:.2f}")]
 
 
 def _named(row: Row) -> str:
@@ -87,7 +88,3 @@ def error_cell(row: Row, quantity: str) -> str:
     """Return a row's mean error with its interval."""
     low, high = row[f"{quantity}_ci95"]
     return f"{row[quantity]:.2f} [{low:.2f}, {high:.2f}]"
-
-
-def _sharpness(row: Row) -> str:
-    return f"{100 * row['coverage95_lon_m']:.0f} %; {row['crps_lon_m']:.2f}"

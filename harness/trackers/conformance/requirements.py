@@ -112,7 +112,8 @@ def _require_well_formed(tracks: Tracks, labelled: LabelledScan) -> None:
     fault = fault_of(tracks)
     require(fault is None, str(fault), labelled)
     for column in fields(Tracks):
-        values, dtype = getattr(tracks, column.name), _column_type(column.name)
+        values = getattr(tracks, column.name)
+        dtype = np.dtype({"track_id": np.int64, "state": np.int8}.get(column.name, np.float64))
         require(values.dtype == dtype, f"{column.name} is {values.dtype}, not {dtype}", labelled)
         require(bool(np.isfinite(values).all()), f"{column.name} holds a value that is not finite", labelled)
     for name in ("std_lon_m", "std_lat_m", "std_speed_mps"):
@@ -121,10 +122,6 @@ def _require_well_formed(tracks: Tracks, labelled: LabelledScan) -> None:
     require(bool(inside.all()), "existence lies outside [0, 1]", labelled)
     known = np.isin(tracks.state, (TENTATIVE, CONFIRMED, HIDDEN))
     require(bool(known.all()), "state is none of TENTATIVE, CONFIRMED and HIDDEN", labelled)
-
-
-def _column_type(name: str) -> np.dtype[np.generic]:
-    return np.dtype({"track_id": np.int64, "state": np.int8}.get(name, np.float64))
 
 
 def _at(message: str, labelled: LabelledScan) -> str:

@@ -172,12 +172,9 @@ def _assembly(
 
 
 def _kalman(options: KalmanOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
-    return KalmanPredictor(_transition_model(options)), KalmanUpdater(measurement_model=None)
-
-
-def _transition_model(options: KalmanOptions) -> CombinedLinearGaussianTransitionModel:
     longitudinal = {"cv": ConstantVelocity, "ca": ConstantAcceleration}[options.motion]
-    return CombinedLinearGaussianTransitionModel([longitudinal(options.lon_noise), ConstantVelocity(options.lat_noise)])
+    axes = [longitudinal(options.lon_noise), ConstantVelocity(options.lat_noise)]
+    return KalmanPredictor(CombinedLinearGaussianTransitionModel(axes)), KalmanUpdater(measurement_model=None)
 
 
 def _nearest_neighbour(options: KalmanOptions, predictor: Predictor, updater: Updater) -> GNNWith2DAssignment:

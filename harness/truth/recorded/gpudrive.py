@@ -30,12 +30,9 @@ def _scene(file: BinaryIO) -> Scene:
     vehicles = {k: thing for k, thing in enumerate(scene["objects"]) if thing["type"] == "vehicle"}
     unit = _heading_unit_rad(vehicles.values())
     ways = [_way(str(k), vehicle, unit) for k, vehicle in vehicles.items()]
-    lines = {str(k): MiddleLine(_xy(lane["geometry"])) for k, lane in enumerate(scene["roads"]) if _is_lane(lane)}
+    lanes = {str(k): road for k, road in enumerate(scene["roads"]) if road["type"] == "lane"}
+    lines = {name: MiddleLine(_xy(lane["geometry"])) for name, lane in lanes.items()}
     return ways, lines, len(scene["objects"]) - len(vehicles)
-
-
-def _is_lane(road: Mapping[str, Any]) -> bool:
-    return bool(road["type"] == "lane")
 
 
 def _heading_unit_rad(vehicles: Iterable[Mapping[str, Any]]) -> float:

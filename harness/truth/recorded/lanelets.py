@@ -97,7 +97,9 @@ def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray
         The road; its section is the extent of the map.
     """
     trunk = _trunk(lanelets, np.column_stack([x, y]))
-    reference = _simplified(_smoothed(at_shares(trunk, _even_shares(trunk))))
+    smooth = shapely.LineString(_smoothed(at_shares(trunk, _even_shares(trunk))))
+    # Only the points without which the line would move by more than 5 cm (Douglas and Peucker 1973).
+    reference = shapely.get_coordinates(shapely.simplify(smooth, STRAIGHT_WITHIN_M))
     frame = CorridorRoad(lanes=(), reference_xy=tuple((float(px), float(py)) for px, py in reference))
     strips = [strip for lanelet in lanelets if (strip := _strip(lanelet, frame)) is not None]
     lanes = _lanes(strips)
@@ -155,11 +157,6 @@ def _smoothed(line: FloatArray) -> FloatArray:
     weights = np.hanning(2 * reach + 3)[1:-1]
     weights /= weights.sum()
     return np.column_stack([np.convolve(padded[:, axis], weights, mode="valid") for axis in (0, 1)])
-
-
-def _simplified(line: FloatArray) -> FloatArray:
-    """Keep the points without which the line would move by more than 5 cm (Douglas and Peucker 1973)."""
-    return np.asarray(shapely.get_coordinates(shapely.simplify(shapely.LineString(line), STRAIGHT_WITHIN_M)))
 
 
 def _strip(lanelet: Lanelet, frame: Road) -> _LaneStrip | None:

@@ -112,7 +112,8 @@ def _recognised(path: Path, role: str) -> str:
 
 def _read(log: LogFile, name: str, files: Sequence[Path]) -> pd.DataFrame:
     readers: dict[str, Callable[[LogFile, Path], pd.DataFrame]] = {
-        "parquet": _table, "csv": _table, "kitti": _kitti, "mot": _mot, "nuscenes": _nuscenes, "mcap": _mcap,
+        "parquet": _table, "csv": _table, "kitti": _kitti, "mot": _mot, "nuscenes": _nuscenes,
+        "mcap": lambda log, path: bags["mcap"](path, log.role, split_topic(log.path)[1]),
     }  # fmt: skip
     read = [readers[name](log, file) for file in files]
     # Of a table that tells no episodes its times do, which are the run's.
@@ -238,10 +239,6 @@ def _nuscenes(log: LogFile, path: Path) -> pd.DataFrame:
         columns["id"] = [str(box["tracking_id"]) for box in boxes]
     rows = pd.DataFrame(columns)
     return rows if log.role == TRUTH else rows[is_vehicle].drop(columns="pedestrian").reset_index(drop=True)
-
-
-def _mcap(log: LogFile, path: Path) -> pd.DataFrame:
-    return bags["mcap"](path, log.role, split_topic(log.path)[1])
 
 
 def split_topic(path: Path) -> tuple[Path, str | None]:

@@ -157,7 +157,7 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
     road = load_network(net).road
     _check_clock(columns, path)
     identity = columns["Vehicle_ID"]
-    if not _whole(identity):
+    if not np.all(np.isfinite(identity) & (identity == np.floor(identity))):
         raise InputError(f"{path}: Vehicle_ID has a value that is not a whole number; fix or remove the row")
     distinct, vehicle = np.unique(identity.astype(np.int64), return_inverse=True)
     names = distinct.astype(np.str_)
@@ -206,10 +206,6 @@ def _check_clock(columns: Columns, path: Path) -> None:
             f"{path}: Global_Time of vehicle {columns['Vehicle_ID'][row]:.0f} moves by {elapsed_ms[row]:.0f} ms from "
             f"row {row + 1} to {row + 2} while Frame_ID moves by {frames[row]:.0f}; fix the time columns"
         )
-
-
-def _whole(values: FloatArray) -> bool:
-    return bool(np.all(np.isfinite(values)) and np.all(values == np.floor(values)))
 
 
 def _letters(name: str) -> str:

@@ -21,7 +21,6 @@ from harness.truth.recorded.detected.av2map import map_file, map_files, read_lan
 from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, check_way
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPoses, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
-from mmpf.map.lane_graph import LaneGraph
 from mmpf.numerics.arrays import FloatArray
 
 ANNOTATIONS, POSES = "annotations.feather", "city_SE3_egovehicle.feather"
@@ -124,13 +123,8 @@ def _read(log: Path, with_map: bool) -> Drive:
         given=sorted_by_step(GivenBoxes(**columns, score=seen_points)),
         left_out={"labelled objects other than vehicles": others},
         drawn=True,
-        lanes=_lanes(log, origin[:2]) if with_map else None,
+        lanes=graph_of_lanelets(read_lanelets(map_file(log), origin[:2]), map_file(log)) if with_map else None,
     )
-
-
-def _lanes(log: Path, origin_xy: FloatArray) -> LaneGraph:
-    path = map_file(log)
-    return graph_of_lanelets(read_lanelets(path, origin_xy), path)
 
 
 def _table(path: Path, columns: list[str]) -> pd.DataFrame:
