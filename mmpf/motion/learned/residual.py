@@ -22,7 +22,7 @@ from mmpf.motion.state import SPEED
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.normals import standard_normals
-from mmpf.numerics.products import product
+from mmpf.numerics.products import multiply
 from mmpf.numerics.threads import in_shares
 
 CASE = "residual"
@@ -131,14 +131,36 @@ _USUAL = tuple(np.float32(value) for value in vars(USUAL_DRIVER).values())
 
 def _forward(begin: int, end: int, seen: Float32Array, network: NetworkWeights, lag: float, accel: FloatArray) -> None:
     """Write the accelerations of the columns ``begin`` to ``end`` of ``seen``, shape (9, k)."""
-    low, high, mean = (part[:, None] for part in network[:3])
     scaled = np.vstack([network.w1[:SEEN] / network.scale[:, None], network.w1[SEEN:]]).T
+    weights = np.ascontiguousarray(scaled), np.ascontiguousarray(network.w2.T), network.w3[None]
+    _forward_in_blocks(begin, end, seen, network, weights, np.float32(lag), accel)
+
+
+@kernel(fastmath=True)
+def _forward_in_blocks(
+    begin: int,
+    end: int,
+    seen: Float32Array,
+    network: NetworkWeights,
+    weights: tuple[Float32Array, Float32Array, Float32Array],
+    lag: np.float32,
+    accel: FloatArray,
+) -> None:
     for start in range(begin, end, BLOCK):
         block = seen[:, start : min(start + BLOCK, end)]
-        inputs = np.vstack([np.clip(block[:SEEN], low, high) - mean, block[SEEN:]])
-        units = _units(product(scaled, inputs), network.b1)
-        added = product(network.w3[None], _units(product(network.w2.T, units), network.b2))[0]
-        approach(block, added, network.b3[0], np.float32(lag), accel[start : start + BLOCK])
+        size = block.shape[1]
+        inputs, added = np.empty((INPUTS, size), dtype=np.float32), np.empty((1, size), dtype=np.float32)
+        first = np.empty((len(network.b1), size), dtype=np.float32)
+        second = np.empty((len(network.b2), size), dtype=np.float32)
+        for row in range(SEEN):
+            low, high, mean = network.low[row], network.high[row], network.mean[row]
+            for n in range(size):
+                inputs[row, n] = min(max(block[row, n], low), high) - mean
+        inputs[SEEN:] = block[SEEN:]
+        multiply(weights[0], inputs, first)
+        multiply(weights[1], _units(first, network.b1), second)
+        multiply(weights[2], _units(second, network.b2), added)
+        approach(block, added[0], network.b3[0], lag, accel[start : start + size])
 
 
 @kernel(fastmath=True)
