@@ -67,37 +67,45 @@ def resample_smoothly(
     kernel_width: FloatArray,
     rng: np.random.Generator,
 ) -> Mixture:
-    """Resample the chosen components and smooth their particles, which would otherwise be copies of few ancestors.
+    """Resample the chosen components in place and smooth their particles, else copies of few ancestors.
 
     A particle is drawn towards the component's mean by ``sqrt(1 - h^2)`` and then moved by ``h`` times a draw from the
     component's covariance (Liu and West 2001), so that mean and covariance stay as they were, and what the latents
     have to do with the state nearly so. A width of one draws states from the weighted Gaussian.
 
     Args:
-        mixture: The belief; weights sum to one in each component.
+        mixture: The belief; weights sum to one in each component. Its arrays are rewritten.
         which: Components to resample, shape (m,).
-        particles: Particles that each of them gets.
+        particles: Particles that each of them has.
         kernel_width: h of each component, from zero to one, shape (m,).
         rng: Source of randomness.
 
     Returns:
-        The belief after resampling; the same one if nothing was chosen.
+        The belief after resampling, which is the same one.
+
+    Raises:
+        ValueError: One of the chosen has another number of particles.
     """
     chosen = np.flatnonzero(which)
+    begins = mixture.starts[chosen]
+    if (np.diff(mixture.starts)[chosen] != particles).any():
+        raise ValueError(f"each component that is resampled in place must have {particles} particles")
     mean = component_moments(mixture, chosen).mean[list(SMOOTHED)]
     factor = kernel_width[chosen, None, None] * _covariance_factors(mixture, chosen, mean)
     kept = np.sqrt(1.0 - kernel_width[chosen] ** 2)
-    mixture, _ = resample(mixture, which, particles, rng)
+    offsets = rng.uniform(size=len(mixture))[chosen]
     if len(chosen) == 0:
         return mixture
     normal = standard_normals(rng, (len(chosen), len(SMOOTHED), particles))
-    # Resampling has just made this array: nobody else holds it.
-    state, begins = mixture.cloud.state, mixture.starts[chosen]
+    cloud, weight = mixture.cloud, np.exp(mixture.cloud.log_weight)
+    rows = cloud.state, cloud.latents, cloud.log_raw_weight[None]
 
     def smooth(begin: int, end: int) -> None:
-        _smooth(begin, end, state, begins, mean, kept, factor, normal)
+        _resample_in_place(begin, end, begins, particles, offsets, weight, rows)
+        _smooth(begin, end, cloud.state, begins, mean, kept, factor, normal)
 
     in_shares(smooth, len(chosen), cost=particles)
+    cloud.log_weight[which[cloud.component]] = -np.log(particles)
     return mixture
 
 
@@ -130,18 +138,46 @@ def _systematic_ancestors(
                 ancestors[out] = n
                 out += 1
             continue
-        total = 0.0
-        for n in range(begin, end):
-            total += weight[n]
-        cumulative = weight[begin]
-        n = begin
-        for k in range(particles):
-            target = (k + offsets[m]) / particles * total
-            while cumulative < target and n < end - 1:
-                n += 1
-                cumulative += weight[n]
-            ancestors[out] = n
-            out += 1
+        _draw_ancestors(begin, end, weight, offsets[m], ancestors[out : out + particles])
+        out += particles
+
+
+@kernel()
+def _draw_ancestors(begin: int, end: int, weight: FloatArray, offset: float, ancestors: IntArray) -> None:
+    """Write the ancestors, numbers from ``begin`` to ``end``, of a component's new particles."""
+    total = 0.0
+    for n in range(begin, end):
+        total += weight[n]
+    cumulative = weight[begin]
+    n = begin
+    for k in range(len(ancestors)):
+        target = (k + offset) / len(ancestors) * total
+        while cumulative < target and n < end - 1:
+            n += 1
+            cumulative += weight[n]
+        ancestors[k] = n
+
+
+@kernel()
+def _resample_in_place(
+    begin: int,
+    end: int,
+    begins: IntArray,
+    size: int,
+    offsets: FloatArray,
+    weight: FloatArray,
+    rows: tuple[FloatArray, FloatArray, FloatArray],
+) -> None:
+    """Rewrite the rows of the components that begin at ``begins`` by their particles' ancestors'."""
+    ancestors, descended = np.empty(size, dtype=np.int64), np.empty(size)
+    for c in range(begin, end):
+        first, after = begins[c], begins[c] + size
+        _draw_ancestors(first, after, weight, offsets[c], ancestors)
+        for block in rows:
+            for row in range(len(block)):
+                for k in range(size):
+                    descended[k] = block[row, ancestors[k]]
+                block[row, first:after] = descended
 
 
 @kernel(fastmath=True)

@@ -76,6 +76,8 @@ def prior_update(
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
     cloud, motion, dt_s = mixture.cloud, situation.motion, situation.dt_s
     state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, situation.scan, dt_s, rng)
+    # Later stages resample in place, and the belief before may be somebody's yet.
+    latents = latents.copy() if np.may_share_memory(latents, cloud.latents) else latents
     _add_model_error(state, surroundings.is_hidden, dt_s, error, rng)
     state[SPEED] = np.maximum(state[SPEED], 0.0)
     components = replace(mixture.components, age_s=mixture.components.age_s + dt_s)

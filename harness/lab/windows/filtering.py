@@ -79,7 +79,7 @@ def follow(
         weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
         weight /= weight.sum(axis=1, keepdims=True)
         yield Cloud(step, state.reshape(6, cases.count, particles), weight)
-        belief = _belief(state, latents, np.log(np.maximum(weight.ravel(), 1e-300)), cases.count)
+        belief = _belief(state.copy(), latents, np.log(np.maximum(weight.ravel(), 1e-300)), cases.count)
         if measurements is not None:
             depleted = effective_sizes(belief) < RESAMPLING.effective_share * particles
             width = np.full(cases.count, RESAMPLING.kernel_width)

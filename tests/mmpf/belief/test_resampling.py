@@ -19,7 +19,8 @@ def mixture_of(weights: list[list[float]]) -> Mixture:
     state[SPEED] = 10.0 + np.arange(len(flat)) % 5
     component = np.repeat(np.arange(len(sizes)), sizes)
     log_weight = np.log(np.maximum(flat, 1e-300))
-    cloud = ParticleCloud(state, log_weight, log_weight, component, np.zeros(len(flat)), np.zeros((0, len(flat))))
+    weights = log_weight, log_weight - 1.0
+    cloud = ParticleCloud(state, *weights, component, np.zeros(len(flat)), np.zeros((0, len(flat))))
     return Mixture(cloud, Components.newborn(np.arange(1, len(sizes) + 1), np.full(len(sizes), 0.5)))
 
 
@@ -62,18 +63,19 @@ def test_smoothing_keeps_mean_and_covariance_whatever_the_kernel(width: float) -
     mixture = mixture_of([list(rng.uniform(size=4000)), list(rng.uniform(size=4000))])
     state, weight = mixture.cloud.state, np.exp(mixture.cloud.log_weight)
     state[ACCEL] = 0.3 * (state[SPEED] - 12.0) + rng.normal(size=8000)
-    smoothed = resample_smoothly(mixture, np.array([True, False]), 4000, np.full(2, width), np.random.default_rng(2))
     expected = np.cov(state[[LON, SPEED, ACCEL], :4000], aweights=weight[:4000], ddof=0)
+    before = component_moments(mixture)
+    smoothed = resample_smoothly(mixture, np.array([True, False]), 4000, np.full(2, width), np.random.default_rng(2))
     covariance = np.cov(smoothed.cloud.state[[LON, SPEED, ACCEL], :4000], ddof=0)
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert covariance / scale == pytest.approx(expected / scale, abs=0.08)
-    before, after = component_moments(mixture), component_moments(smoothed)
+    after = component_moments(smoothed)
     assert (np.abs(after.mean - before.mean)[:, 0] <= 1e-5 + 5.0 * before.std[:, 0] / np.sqrt(4000)).all()
     assert after.mean[:, 1] == pytest.approx(before.mean[:, 1])
 
 
 def test_smoothed_particles_are_no_copies_and_never_reverse() -> None:
-    mixture = mixture_of([[1.0] + [0.0] * 50 + [1.0] * 5])
+    mixture = mixture_of([[1.0] + [0.0] * 494 + [1.0] * 5])
     mixture.cloud.state[SPEED] *= 0.02
     smoothed = resample_smoothly(mixture, np.array([True]), 500, np.array([0.4]), np.random.default_rng(4))
     assert len(np.unique(smoothed.cloud.state[LON])) == 500
@@ -85,11 +87,26 @@ def test_what_latents_have_to_do_with_the_state_survives_smoothing() -> None:
     mixture = mixture_of([list(rng.uniform(size=4000))])
     habit = mixture.cloud.state[LON] / 1000.0 + rng.normal(size=4000)
     mixture = replace(mixture, cloud=replace(mixture.cloud, latents=habit[None]))
-    smoothed = resample_smoothly(mixture, np.array([True]), 4000, np.array([0.4]), rng)
     expected = np.corrcoef(mixture.cloud.state[LON], habit)[0, 1]
+    smoothed = resample_smoothly(mixture, np.array([True]), 4000, np.array([0.4]), rng)
     assert np.corrcoef(smoothed.cloud.state[LON], smoothed.cloud.latents[0])[0, 1] == pytest.approx(expected, rel=0.15)
 
 
 def test_nothing_to_resample_leaves_the_belief_as_it_is() -> None:
     mixture = mixture_of([[1, 3], [2, 1]])
     assert resample_smoothly(mixture, np.zeros(2, dtype=bool), 6, np.ones(2), np.random.default_rng(0)) is mixture
+
+
+def test_resampling_in_place_gives_each_particle_its_ancestors_rows_and_touches_no_other_component() -> None:
+    mixture, copy = (mixture_of([[1, 3, 0, 2], [1, 1, 5, 0], [2, 1, 0, 4]]) for _ in range(2))
+    which, rng = np.array([True, False, True]), np.random.default_rng(3)
+    plain, ancestors = resample(copy, which, 4, np.random.default_rng(3))
+    in_place = resample_smoothly(mixture, which, 4, np.zeros(3), rng)
+    assert in_place.cloud.state[LON].tolist() == ancestors.tolist()
+    for name in ("state", "log_weight", "log_raw_weight"):
+        assert getattr(in_place.cloud, name) == pytest.approx(getattr(plain.cloud, name)), name
+
+
+def test_a_component_of_another_size_is_not_resampled_in_place() -> None:
+    with pytest.raises(ValueError, match="must have 5 particles"):
+        resample_smoothly(mixture_of([[1, 3]]), np.array([True]), 5, np.ones(1), np.random.default_rng(0))
