@@ -15,11 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
-from mmpf.motion.state import ACCEL
+from mmpf.motion.state import ACCEL, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 
 GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
 
@@ -85,9 +86,7 @@ class Manoeuvring:
         accel = np.clip(np.concatenate([state[ACCEL, held], drawn]), -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
         after[HOLDS] = 0.0
         after[HOLDS, holding] = 1.0
-        longitudinal = moved[:, holding]
-        move_along(state[:, holding], longitudinal, accel, np.zeros(len(holding)), dt_s)
-        moved[:, holding] = longitudinal
+        _hold(state, moved, holding, accel, dt_s)
         return moved, after
 
     def log_prior_over_tried(
@@ -101,3 +100,14 @@ class Manoeuvring:
             float(-np.expm1(-dt_s * self.begin_per_s)),
         )
         return begun + log_prior_over_tried(self.inner, latents[:HOLDS], after[:HOLDS], surroundings, dt_s)
+
+
+@kernel()
+def _hold(before: FloatArray, after: FloatArray, index: IntArray, accel: FloatArray, dt_s: float) -> None:
+    """Write what ``kinematic.move_along`` does for some of the particles, shape (k,)."""
+    for k in range(len(index)):
+        n = index[k]
+        speed = max(before[SPEED, n] + accel[k] * dt_s, 0.0)
+        after[LON, n] = before[LON, n] + 0.5 * dt_s * (before[SPEED, n] + speed)
+        after[SPEED, n] = speed
+        after[ACCEL, n] = 0.0 if speed == 0.0 and accel[k] < 0.0 else accel[k]

@@ -15,7 +15,7 @@ import numpy as np
 from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
-SMALLEST = 1e-12
+SMALLEST, MOST_WAYS = 1e-12, 2
 
 
 @runtime_checkable
@@ -61,7 +61,7 @@ def log_ratio_of_begun(
         tried: The same of particles.
         ways: Number of these ways: to either side, to one or to none.
     """
-    true_any, tried_any = np.minimum(ways * true, 1.0), np.minimum(ways * tried, 1.0)
     did = np.log(max(true, SMALLEST)) - np.log(max(tried, SMALLEST))
-    did_not = np.log(np.maximum(1.0 - true_any, SMALLEST)) - np.log(np.maximum(1.0 - tried_any, SMALLEST))
+    none_of = (np.log(np.maximum(1.0 - np.arange(MOST_WAYS + 1) * chance, SMALLEST)) for chance in (true, tried))
+    did_not = np.subtract(*none_of)[ways]
     return np.where(may_begin, np.where(begun, did, did_not), 0.0)
