@@ -10,7 +10,7 @@ from harness.closedloop.sight import SEEN_OFTEN, is_hidden, moments_in_sight
 from harness.closedloop.traffic import LiveTraffic, row_of, with_ego
 from harness.config.sensor import SensorSettings
 from harness.decisions.crossings import Conflict, LaneChain, crossings_of, yields_on
-from harness.decisions.yielding import EgoPath, meets, on_way, room_before, windows_of
+from harness.decisions.yielding import EgoPath, meets, on_route, room_before, windows_of
 from harness.truth.frame import Frame
 from mmpf.map.lane_graph import LaneGraph
 
@@ -48,14 +48,14 @@ def _comes_up_first(course: EgoPath, stop_m: float, now: Frame) -> bool:
     """Return whether the ego reaches a stop line soon, can still stop there, and has no vehicle before it."""
     if course.window((stop_m, stop_m))[0] > SOON_S or room_before(course, (stop_m,)) is None:
         return False
-    _, along_m, _ = on_way(course.way, true_bodies(now))
+    _, along_m, _ = on_route(course.route, true_bodies(now))
     return not ((along_m > course.along_m) & (along_m < stop_m)).any()
 
 
 def _meeting(course: EgoPath, conflict: Conflict, now: Frame) -> list[str]:
     """Return which vehicles would be at a conflict point at the same time as the ego at its present speed."""
     bodies, names = true_bodies(now), np.delete(now.vehicle_id, now.ego)
-    on, along_m, speed_mps = on_way(conflict.way, bodies)
+    on, along_m, speed_mps = on_route(conflict.route, bodies)
     windows = windows_of(conflict.other_m, along_m, speed_mps, bodies.length_m[on], speed_mps)
     return [str(name) for name in names[on][meets(course, conflict, windows, speed_mps)]]
 
@@ -67,9 +67,9 @@ def _in_range(now: Frame, name: str, settings: SensorSettings) -> bool:
 
 
 def _takes(traffic: LiveTraffic, graph: LaneGraph, name: str, conflict: Conflict) -> bool:
-    """Return whether a vehicle's route goes the way that has right of way."""
-    edges = [edge_of(graph, lane) for lane in conflict.way.lanes if not graph.in_junction[lane]]
-    last = int(conflict.way.lanes[-1])
+    """Return whether a vehicle takes the route that has right of way."""
+    edges = [edge_of(graph, lane) for lane in conflict.route.lanes if not graph.in_junction[lane]]
+    last = int(conflict.route.lanes[-1])
     follow = graph.successor[graph.first_successor[last] : graph.first_successor[last + 1]].tolist()
     route = list(traffic.running.sumo.vehicle.getRoute(name))
     at = route.index(edges[-1]) if edges and edges[-1] in route else len(route)

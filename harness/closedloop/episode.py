@@ -219,7 +219,7 @@ class _Loop:
             flow_mps = self.planned.flow_mps
             with_stops = _as_is if flow_mps is None else partial(_limited, flow_mps=flow_mps)
             return with_stops, with_stops
-        course = EgoPath.of(passage.way, ego)
+        course = EgoPath.of(passage.route, ego)
         holds, must = passage.room_m(course, told, unseen), passage.room_m(course, real)
         passage.note(frame, course, real, holds is not None, must is not None)
         by_belief, by_truth = (partial(passage.with_stops, course=course, room_m=room_m) for room_m in (holds, must))

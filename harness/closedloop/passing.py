@@ -27,7 +27,7 @@ class Passage:
     ``heed`` is the probability of an unseen vehicle in its way from which on the ego holds; None for never.
     """
 
-    way: LaneChain
+    route: LaneChain
     crossings: tuple[Crossing, ...]
     step_s: float
     heed: float | None = None
@@ -41,8 +41,8 @@ class Passage:
     @classmethod
     def over(cls, graph: LaneGraph, lanes: tuple[int, ...], step_s: float, heed: float | None = None) -> Passage:
         """Return the passage over some lanes."""
-        way = LaneChain.of(graph, lanes)
-        return cls(way, crossings_of(graph, way), step_s, heed)
+        route = LaneChain.of(graph, lanes)
+        return cls(route, crossings_of(graph, route), step_s, heed)
 
     def room_m(self, course: EgoPath, bodies: Bodies, unseen: Unseen | None = None) -> float | None:
         """Return how far ahead the ego must stop, by its belief; None where it may go.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.decisions.ways import Line, next_lane, predecessors
+from harness.decisions.routes import Line, next_lane, predecessors
 from mmpf.map.control import YIELD
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.numerics.arrays import FloatArray
@@ -62,7 +62,7 @@ class Conflict:
     It goes from where to where on either way, in metres; ``merges`` if both leave the junction by the same lane.
     """
 
-    way: LaneChain
+    route: LaneChain
     own_m: tuple[float, float]
     other_m: tuple[float, float]
     merges: bool
@@ -86,25 +86,25 @@ class Crossing:
         return max(conflict.own_m[1] for conflict in self.conflicts)
 
 
-def crossings_of(graph: LaneGraph, way: LaneChain) -> tuple[Crossing, ...]:
+def crossings_of(graph: LaneGraph, route: LaneChain) -> tuple[Crossing, ...]:
     """Return the places on a way where it must yield, the nearest first."""
     control = graph.control
-    if control is None or not (links := yields_on(graph, way)):
+    if control is None or not (links := yields_on(graph, route)):
         return ()
     before = predecessors(graph)
     found = []
     for place, link in links:
         foes = control.foe[control.first_foe[link] : control.first_foe[link + 1]].tolist()
-        others = (_conflict(graph, way, place, _way_over(graph, foe, before)) for foe in foes)
+        others = (_conflict(graph, route, place, _route_over(graph, foe, before)) for foe in foes)
         if conflicts := tuple(other for other in others if other is not None):
-            found.append(Crossing(float(way.begins_m[place]), conflicts))
+            found.append(Crossing(float(route.begins_m[place]), conflicts))
     return tuple(found)
 
 
-def yields_on(graph: LaneGraph, way: LaneChain) -> list[tuple[int, int]]:
-    """Return the links on a way that must yield, each with the place on the way of the lane that it leads to."""
+def yields_on(graph: LaneGraph, route: LaneChain) -> list[tuple[int, int]]:
+    """Return the links on a route that must yield, each with the place on the route of the lane that it leads to."""
     found = []
-    for place, (lane, following) in enumerate(zip(way.lanes, way.lanes[1:], strict=False), start=1):
+    for place, (lane, following) in enumerate(zip(route.lanes, route.lanes[1:], strict=False), start=1):
         links = np.arange(graph.first_successor[lane], graph.first_successor[lane + 1])
         link = int(links[graph.successor[links] == following][0])
         if graph.control is not None and graph.control.kind[link] == YIELD:
@@ -112,8 +112,8 @@ def yields_on(graph: LaneGraph, way: LaneChain) -> list[tuple[int, int]]:
     return found
 
 
-def _way_over(graph: LaneGraph, link: int, before: list[list[int]]) -> LaneChain:
-    """Return the way over a link: as straight an approach as there is, and the junction."""
+def _route_over(graph: LaneGraph, link: int, before: list[list[int]]) -> LaneChain:
+    """Return the route over a link: as straight an approach as there is, and the junction."""
     lanes = [int(graph.link_from[link]), int(graph.successor[link])]
     while graph.in_junction[lanes[-1]]:
         at = lanes[-1]
@@ -128,12 +128,12 @@ def _way_over(graph: LaneGraph, link: int, before: list[list[int]]) -> LaneChain
     return LaneChain.of(graph, lanes)
 
 
-def _conflict(graph: LaneGraph, way: LaneChain, place: int, other: LaneChain) -> Conflict | None:
+def _conflict(graph: LaneGraph, route: LaneChain, place: int, other: LaneChain) -> Conflict | None:
     """Return where another way meets the ego's from one of its lanes on to the junction's end; None for nowhere."""
     end = place
-    while end < len(way.lanes) and graph.in_junction[way.lanes[end]]:
+    while end < len(route.lanes) and graph.in_junction[route.lanes[end]]:
         end += 1
-    own_m, own = way.sampled(float(way.begins_m[place]), float(way.begins_m[max(end, place + 1)]))
+    own_m, own = route.sampled(float(route.begins_m[place]), float(route.begins_m[max(end, place + 1)]))
     entry = len(other.lanes) - 1
     while entry and graph.in_junction[other.lanes[entry - 1]]:
         entry -= 1
@@ -144,7 +144,7 @@ def _conflict(graph: LaneGraph, way: LaneChain, place: int, other: LaneChain) ->
         return None
     mine, its = own_m[meet.any(axis=1)], other_m[meet.any(axis=0)]
     return Conflict(
-        way=other,
+        route=other,
         own_m=(float(mine[0]), float(mine[-1])),
         other_m=(float(its[0]), float(its[-1])),
         merges=bool(apart_m[-1, -1] < SAME_END_M),

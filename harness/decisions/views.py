@@ -8,7 +8,7 @@ from functools import singledispatch
 import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
-from harness.decisions.ways import ways_of
+from harness.decisions.routes import route_lines
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Lane, Road
@@ -48,7 +48,7 @@ class LaneView:
 def lane_views(road: Road, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneView, LaneView]:
     """Return the ego's own lane, that to its left and that to its right.
 
-    On a graph of lanes the own lane goes on along the way that the ego takes, which its driver knows.
+    On a graph of lanes the own lane goes on along the route that the ego takes, which its driver knows.
     """
     raise NotImplementedError(type(road))
 
@@ -56,11 +56,11 @@ def lane_views(road: Road, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneVi
 @lane_views.register
 def _(road: LaneGraphRoad, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneView, LaneView]:
     views = []
-    for way in ways_of(egos, road.graph):
+    for route in route_lines(egos, road.graph):
         along, across, speed = (np.full(len(bodies), np.nan) for _ in range(3))
-        for place in way.places(egos, bodies, HORIZON_M):
+        for place in route.places(egos, bodies, HORIZON_M):
             along[place.body], across[place.body], speed[place.body] = place.along_m, place.across_m, place.speed_mps
-        views.append(LaneView(way.exists, way.half_width_m, way.ego_across_m, along, across, speed))
+        views.append(LaneView(route.exists, route.half_width_m, route.ego_across_m, along, across, speed))
     return views[OWN], views[LEFT], views[RIGHT]
 
 

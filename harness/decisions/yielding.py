@@ -23,8 +23,8 @@ MARGIN_S = 1.0
 """With it who starts at the stop line of ``priority`` waits for cars less than 6.7 to 7.2 s away; the critical headway
 of the Highway Capacity Manual (2010, exhibit 19-10) for through traffic of a minor road is 6.5 s."""
 FORESIGHT_S, PREDICTED_EVERY_S = 20.0, 0.1
-ON_WAY_M, ON_WAY_RAD = 2.0, np.pi / 4.0
-"""Who is on a way has its middle so near to the way's, and heads along it so nearly, if it is known where it heads."""
+ON_ROUTE_M, ON_ROUTE_RAD = 2.0, np.pi / 4.0
+"""Who is on a route has its middle so near to it, and heads along it so nearly, if it is known where it heads."""
 UNSEEN_LENGTH_M = UnseenOptions().length_m
 
 
@@ -40,16 +40,16 @@ class TimeWindows:
 class EgoPath:
     """The ego's way at one moment: the arc length of its centre, its speed and its length."""
 
-    way: LaneChain
+    route: LaneChain
     along_m: float
     speed_mps: float
     length_m: float
 
     @classmethod
-    def of(cls, way: LaneChain, ego: Egos) -> EgoPath:
+    def of(cls, route: LaneChain, ego: Egos) -> EgoPath:
         """Return where an ego, at a single step, is on its way."""
-        along_m = way.line.project(ego.lon_m, ego.lat_m)[0]
-        return cls(way, float(along_m[0]), float(ego.speed_mps[0]), float(ego.length_m[0]))
+        along_m = route.line.project(ego.lon_m, ego.lat_m)[0]
+        return cls(route, float(along_m[0]), float(ego.speed_mps[0]), float(ego.length_m[0]))
 
     @property
     def front_m(self) -> float:
@@ -58,10 +58,10 @@ class EgoPath:
 
     def speed_limits(self, along_m: FloatArray) -> FloatArray:
         """Return at which speed it may be at places, so that it is slow enough for bends ahead, shape (k,)."""
-        way = self.way
-        ahead_m = way.begins_m[:-1] - along_m[:, None]
-        slowing = np.sqrt(way.limit_mps**2 + 2.0 * PARAMETERS.comfortable_decel_mps2 * np.maximum(ahead_m, 0.0))
-        return np.asarray(np.minimum(_limits(way, along_m), np.where(ahead_m > 0.0, slowing, np.inf).min(axis=1)))
+        route = self.route
+        ahead_m = route.begins_m[:-1] - along_m[:, None]
+        slowing = np.sqrt(route.limit_mps**2 + 2.0 * PARAMETERS.comfortable_decel_mps2 * np.maximum(ahead_m, 0.0))
+        return np.asarray(np.minimum(_limits(route, along_m), np.where(ahead_m > 0.0, slowing, np.inf).min(axis=1)))
 
     @cached_property
     def _foreseen(self) -> tuple[FloatArray, FloatArray]:
@@ -130,19 +130,21 @@ def who_conflicts(course: EgoPath, crossing: Crossing, bodies: Bodies) -> BoolAr
     """Return which bodies the ego must let pass, shape (m,)."""
     found = np.zeros(len(bodies), dtype=bool)
     for conflict in crossing.conflicts:
-        on, along_m, speed_mps = on_way(conflict.way, bodies)
+        on, along_m, speed_mps = on_route(conflict.route, bodies)
         length_m = bodies.length_m[on]
-        windows = windows_of(conflict.other_m, along_m, speed_mps, length_m, _limits(conflict.way, along_m))
+        windows = windows_of(conflict.other_m, along_m, speed_mps, length_m, _limits(conflict.route, along_m))
         found[on] |= meets(course, conflict, windows, speed_mps)
     return found
 
 
-def on_way(way: LaneChain, bodies: Bodies) -> tuple[IntArray, FloatArray, FloatArray]:
+def on_route(route: LaneChain, bodies: Bodies) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return which bodies are on a way, their arc lengths and their speeds along it, each (k,)."""
-    along, across, heading = way.line.project(bodies.lon_m, bodies.lat_m)
+    along, across, heading = route.line.project(bodies.lon_m, bodies.lat_m)
     turn = wrapped(bodies.direction_rad - heading)
-    along_it = ~np.isfinite(turn) | (np.abs(turn) <= ON_WAY_RAD)
-    on = np.flatnonzero((np.abs(across) <= ON_WAY_M) & along_it & (along >= 0.0) & (along <= way.begins_m[-1] + 5.0))
+    along_it = ~np.isfinite(turn) | (np.abs(turn) <= ON_ROUTE_RAD)
+    on = np.flatnonzero(
+        (np.abs(across) <= ON_ROUTE_M) & along_it & (along >= 0.0) & (along <= route.begins_m[-1] + 5.0)
+    )
     share = np.where(np.isfinite(turn[on]), np.cos(turn[on]), 1.0)
     return on, along[on], np.maximum(share * bodies.speed_mps[on], 0.0)
 
@@ -155,12 +157,12 @@ def unseen_in_conflict(course: EgoPath, crossing: Crossing, bodies: Bodies, unse
     """
     cells, counts = unseen.cells, np.zeros(len(unseen.expected), dtype=bool)
     for conflict in crossing.conflicts:
-        way = conflict.way
-        cell = np.flatnonzero(np.isin(cells.lane, np.add(way.lanes, 1)))
-        cell_m = way.line.project(cells.lon_m[cell], cells.lat_m[cell])[0]
-        limit_mps = _limits(way, cell_m)
+        route = conflict.route
+        cell = np.flatnonzero(np.isin(cells.lane, np.add(route.lanes, 1)))
+        cell_m = route.line.project(cells.lon_m[cell], cells.lat_m[cell])[0]
+        limit_mps = _limits(route, cell_m)
         its = windows_of(conflict.other_m, cell_m, limit_mps, np.full(len(cell), UNSEEN_LENGTH_M), limit_mps)
-        on, along_m, speed_mps = on_way(way, bodies)
+        on, along_m, speed_mps = on_route(route, bodies)
         known = windows_of(conflict.other_m, along_m, speed_mps, bodies.length_m[on], speed_mps)
         gone_s = np.where(along_m > cell_m[:, None], known.leave_s, -np.inf).max(axis=1, initial=-np.inf)
         counts[cell] |= meets(course, conflict, replace(its, enter_s=np.maximum(its.enter_s, gone_s)), limit_mps)
@@ -186,6 +188,6 @@ def with_standing_leader(belief: Belief, gap_m: float) -> Belief:
     return replace(belief, leaders=Others(gaps[order][None], speeds[order][None], body[order].astype(np.int64)[None]))
 
 
-def _limits(way: LaneChain, along_m: FloatArray) -> FloatArray:
-    lane = np.clip(np.searchsorted(way.begins_m, along_m, side="right") - 1, 0, len(way.limit_mps) - 1)
-    return np.asarray(way.limit_mps[lane])
+def _limits(route: LaneChain, along_m: FloatArray) -> FloatArray:
+    lane = np.clip(np.searchsorted(route.begins_m, along_m, side="right") - 1, 0, len(route.limit_mps) - 1)
+    return np.asarray(route.limit_mps[lane])

@@ -44,7 +44,7 @@ def frame(along_m, ego_mps, other_m, other_mps=OTHER_MPS, step=0):
     """Return the ego on its way, and a car on the road that has right of way, so far before the crossing's middle."""
     x, y, heading = (float(value[0]) for value in np.array(_place(along_m)).reshape(3, 1))
     west = GRAPH.line(GRAPH.name.index("west_in_0"))
-    lane = 1 + LANES[int(np.clip(np.searchsorted(passage().way.begins_m, along_m, side="right") - 1, 0, 2))]
+    lane = 1 + LANES[int(np.clip(np.searchsorted(passage().route.begins_m, along_m, side="right") - 1, 0, 2))]
     there = other_m is not None
     return frame_of(
         [x, *([MIDDLE_M - other_m] if there else [])],
@@ -58,8 +58,8 @@ def frame(along_m, ego_mps, other_m, other_mps=OTHER_MPS, step=0):
 
 
 def _place(along_m):
-    way = passage().way
-    (_,), (place,) = (values[:1] for values in way.sampled(along_m, along_m + 0.5))
+    route = passage().route
+    (_,), (place,) = (values[:1] for values in route.sampled(along_m, along_m + 0.5))
     return place[0], place[1], 0.5 * np.pi
 
 
@@ -71,7 +71,7 @@ def driven(passes, other_m=None, unseen=None, seconds=12.0, told=True):
         now = replace(frame(along_m, speed, away_m), time_s=STEP_S * step)
         ego, real = ego_of(now, LANES), true_bodies(now)
         known = real if told else true_bodies(frame(along_m, speed, None))
-        course = EgoPath.of(passes.way, ego)
+        course = EgoPath.of(passes.route, ego)
         holds, must = passes.room_m(course, known, unseen), passes.room_m(course, real)
         passes.note(now, course, real, holds is not None, must is not None)
         demand = driver.command(passes.with_stops(believe(known, ego, ROAD), course, holds)).accel_mps2[0]
@@ -83,7 +83,7 @@ def driven(passes, other_m=None, unseen=None, seconds=12.0, told=True):
 
 def test_it_waits_at_the_line_for_a_car_that_has_right_of_way_and_goes_where_there_is_none():
     now = frame(STOP_M - 27.0, EGO_MPS, 65.0)
-    course = EgoPath.of(passage().way, ego_of(now))
+    course = EgoPath.of(passage().route, ego_of(now))
     assert passage().room_m(course, true_bodies(now)) == pytest.approx(STOP_M - course.front_m)
     assert passage().room_m(course, true_bodies(frame(STOP_M - 27.0, EGO_MPS, None))) is None
 
@@ -91,7 +91,7 @@ def test_it_waits_at_the_line_for_a_car_that_has_right_of_way_and_goes_where_the
 def test_at_the_line_it_waits_for_a_car_forty_metres_off_and_past_it_before_the_place_of_conflict():
     for along_m, place_m in ((STOP_M - 5.0, STOP_M), (STOP_M - 1.0, BEGINS_M)):
         now = frame(along_m, 1.0, 40.0)
-        course = EgoPath.of(passage().way, ego_of(now))
+        course = EgoPath.of(passage().route, ego_of(now))
         assert passage().room_m(course, true_bodies(now)) == pytest.approx(place_m - course.front_m)
 
 
@@ -135,7 +135,7 @@ def test_one_unseen_vehicle_forty_metres_off_holds_who_stands_before_the_place()
     now = frame(STOP_M - 27.0, EGO_MPS, None)
     near = frame(BEGINS_M - 5.0, 1.0, None)
     for at, vehicles, holds in ((near, 1.0, True), (near, 0.05, False), (now, 0.0, False)):
-        course = EgoPath.of(passage().way, ego_of(at))
+        course = EgoPath.of(passage().route, ego_of(at))
         room = passage(heed=0.1).room_m(course, true_bodies(at), expecting(vehicles))
         assert (room is not None) == holds
         assert not holds or room == pytest.approx(BEGINS_M - course.front_m)

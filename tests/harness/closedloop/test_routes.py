@@ -1,4 +1,4 @@
-"""The way of an ego over a graph of lanes, up to the first signal."""
+"""The route of an ego over a graph of lanes, up to the first signal."""
 
 from dataclasses import replace
 
@@ -36,8 +36,8 @@ def held_at(link):
     return replace(GRAPH, control=LinkControl(kind, signal, ("s",), none, first))
 
 
-def names(graph, way):
-    return [graph.name[lane] for lane in way.lanes]
+def names(graph, route):
+    return [graph.name[lane] for lane in route.lanes]
 
 
 def test_the_way_goes_where_the_route_does():

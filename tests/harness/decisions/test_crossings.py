@@ -51,11 +51,11 @@ def crossing_graph(yields=((0, 2), (4, 2))):
 GRAPH = crossing_graph()
 
 
-def way(*names, graph=GRAPH):
+def route(*names, graph=GRAPH):
     return LaneChain.of(graph, [graph.name.index(name) for name in names])
 
 
-STRAIGHT_ON = way("south", ":over", "north")
+STRAIGHT_ON = route("south", ":over", "north")
 
 
 def test_the_place_of_conflict_lies_where_the_middles_of_two_ways_are_near():
@@ -64,12 +64,12 @@ def test_the_place_of_conflict_lies_where_the_middles_of_two_ways_are_near():
     assert crossing.stop_m == pytest.approx(40.0)
     assert conflict.own_m == pytest.approx((48.0, 52.0))
     assert conflict.other_m == pytest.approx((148.0, 152.0))
-    assert [GRAPH.name[lane] for lane in conflict.way.lanes] == ["west", ":on"]
+    assert [GRAPH.name[lane] for lane in conflict.route.lanes] == ["west", ":on"]
     assert not conflict.merges
 
 
 def test_ways_that_leave_by_the_same_lane_merge_and_meet_until_the_junction_ends():
-    (crossing,) = crossings_of(GRAPH, way("south", ":turn", "east"))
+    (crossing,) = crossings_of(GRAPH, route("south", ":turn", "east"))
     assert crossing.conflicts[0].merges
     assert crossing.conflicts[0].other_m[1] == pytest.approx(160.0)
 
@@ -77,8 +77,8 @@ def test_ways_that_leave_by_the_same_lane_merge_and_meet_until_the_junction_ends
 def test_who_need_not_yield_or_does_not_come_to_the_junction_has_no_crossing():
     assert crossings_of(crossing_graph(yields=()), STRAIGHT_ON) == ()
     assert crossings_of(replace(GRAPH, control=None), STRAIGHT_ON) == ()
-    assert crossings_of(GRAPH, way("west", ":on", "east")) == ()
-    assert crossings_of(GRAPH, way("south")) == ()
+    assert crossings_of(GRAPH, route("west", ":on", "east")) == ()
+    assert crossings_of(GRAPH, route("south")) == ()
 
 
 def test_lanes_one_after_the_other_are_one_line():

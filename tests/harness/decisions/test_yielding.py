@@ -20,7 +20,7 @@ from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.undetected.cells import cells_of
 from mmpf.undetected.intensity import Unseen
 from tests.harness.decisions.scenes import LENGTH_M, bodies, egos
-from tests.harness.decisions.test_crossings import GRAPH, STRAIGHT_ON, way
+from tests.harness.decisions.test_crossings import GRAPH, STRAIGHT_ON, route
 
 LIMIT_MPS = 14.0
 CROSSING = crossings_of(GRAPH, STRAIGHT_ON)[0]
@@ -83,7 +83,7 @@ def test_who_heads_elsewhere_or_is_beside_the_way_is_nobody_to_yield_to():
 
 
 def test_where_ways_merge_who_comes_behind_must_be_able_to_slow_down_too():
-    merging, at = way("south", ":turn", "east"), 38.0
+    merging, at = route("south", ":turn", "east"), 38.0
     crossing, slow = crossings_of(GRAPH, merging)[0], course(at, 4.0, merging)
     _, leave_s, own_mps = slow.window(crossing.conflicts[0].own_m)
     needed_s = leave_s + MARGIN_S + (LIMIT_MPS - own_mps) ** 2 / (2.0 * 4.0 * LIMIT_MPS)

@@ -1,6 +1,6 @@
 """The ego's lane on a lane graph with the lanes before and after it, as one line.
 
-At a fork the way goes where the ego goes later in its stay: a driver knows its route. Where that is not on record it
+At a fork the route goes where the ego goes later in its stay, which its driver knows. Where that is not on record it
 goes as straight on as it can.
 """
 
@@ -26,8 +26,8 @@ class PlacedBodies:
     Attributes:
         body: Which they are, shape (k,).
         along_m: How far ahead of the ego each is, shape (k,).
-        across_m: How far left of the way's line, shape (k,).
-        speed_mps: Its speed along the way, shape (k,).
+        across_m: How far left of the route's line, shape (k,).
+        speed_mps: Its speed along the route, shape (k,).
     """
 
     body: IntArray
@@ -74,8 +74,8 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Ways:
-    """The way through the ego's own lane, or one beside it, at each of n steps.
+class RouteLines:
+    """The route through the ego's own lane, or one beside it, at each of n steps.
 
     Attributes:
         exists: Whether there is one, shape (n,).
@@ -108,8 +108,8 @@ class Ways:
             )
 
 
-def ways_of(egos: Egos, graph: LaneGraph) -> tuple[Ways, Ways, Ways]:
-    """Return the ways through the ego's lane, the one to its left and the one to its right."""
+def route_lines(egos: Egos, graph: LaneGraph) -> tuple[RouteLines, RouteLines, RouteLines]:
+    """Return the routes through the ego's lane, the one to its left and the one to its right."""
     lane = _kept_through_gaps(np.where(egos.lane > 0, egos.lane - 1, NOWHERE), egos.episode)
     before = predecessors(graph)
     sides = []
@@ -119,9 +119,9 @@ def ways_of(egos: Egos, graph: LaneGraph) -> tuple[Ways, Ways, Ways]:
     return sides[0], sides[1], sides[2]
 
 
-def _through(egos: Egos, lane: IntArray, own: IntArray, graph: LaneGraph, before: list[list[int]]) -> Ways:
+def _through(egos: Egos, lane: IntArray, own: IntArray, graph: LaneGraph, before: list[list[int]]) -> RouteLines:
     count = len(egos)
-    found = Ways(
+    found = RouteLines(
         exists=lane != NOWHERE,
         half_width_m=np.full(count, np.nan),
         ego_across_m=np.full(count, np.nan),
@@ -143,7 +143,7 @@ def _through(egos: Egos, lane: IntArray, own: IntArray, graph: LaneGraph, before
 
 
 def _points(lane: int, taken: set[int], graph: LaneGraph, before: list[list[int]]) -> FloatArray:
-    """Return the points of the way through a lane, shape (p, 2)."""
+    """Return the points of the route through a lane, shape (p, 2)."""
     lanes, ahead, at = [lane], float(graph.length_m[lane]), lane
     while ahead < AHEAD_M + graph.length_m[lane] and len(lanes) < MOST_LANES:
         following = graph.successor[graph.first_successor[at] : graph.first_successor[at + 1]].tolist()
