@@ -75,7 +75,8 @@ def smoothed(window: Sequence[Frame], road: CorridorRoad, step: int) -> Frame:
     """Return the frame in the middle of a window, averaged over all of it; who is not in all of them is left out."""
     middle = len(window) // 2
     rows = [{name: row for row, name in enumerate(frame.vehicle_id.tolist())} for frame in window]
-    kept = [name for name in rows[middle] if all(name in present for present in rows)]
+    always = set(rows[0]).intersection(*rows)
+    kept = [name for name in rows[middle] if name in always]
     at = np.array([[present[name] for name in kept] for present in rows], dtype=np.int64)
     totals = np.zeros((len(SMOOTHED), len(kept)))
     for frame, chosen, weight in zip(window, at, hann_weights(middle), strict=True):
