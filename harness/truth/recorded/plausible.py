@@ -123,7 +123,8 @@ def _check_apart(stays: Stays, path: Path) -> None:
         & (np.diff(lon_m) < 0.5 * DEEP_SHARE * (length_m[1:] + length_m[:-1]))
         & (np.abs(np.diff(lat_m)) < 0.5 * DEEP_SHARE * (width_m[1:] + width_m[:-1]))
     )
-    if np.mean(within) > MOST_WITHIN:
+    # A single pair may be two things that a file has in one place, such as a vehicle that is parked where another is.
+    if np.mean(within) > MOST_WITHIN and len(np.unique(rows.vehicle[order[1:][within]])) > 1:
         first = int(within.argmax())
         one, other = (stays.names[rows.vehicle[order[k]]] for k in (first, first + 1))
         raise InputError(
