@@ -12,6 +12,7 @@ from harness.config.options import Option
 NO_CHOICE = {
     "ablation": (("models", "model_file", "real_data"), "the ablation study"),
     "transfer": (("models", "model_file"), "the transfer study"),
+    "situations": (("model_file",), "the study by situation"),
 }
 """By study, the options that it has no use for, and how its message names it."""
 
@@ -19,7 +20,9 @@ NO_CHOICE = {
 class Options(TypedDict):
     """The options of ``study``."""
 
-    case: Annotated[str, Option("lane-keeping, lane-change, transfer or ablation.", default=..., is_argument=True)]
+    case: Annotated[
+        str, Option("lane-keeping, lane-change, situations, transfer or ablation.", default=..., is_argument=True)
+    ]
     net: shared.Net
     models: Annotated[str | None, Option("Names of models, separated by commas. (default: all that fit the case)")]
     model_file: Annotated[Path | None, Option("Your own fitted model file; replaces the bundled gmm.")]
@@ -36,7 +39,7 @@ class Options(TypedDict):
     cache: shared.Cache
     real_data: Annotated[
         Path | None,
-        Option("transfer: folder of real recordings. (default: $MMPF_REALDATA)"),
+        Option("Folder of real recordings, for situations and transfer. (default: none; transfer: $MMPF_REALDATA)"),
     ]
     out: Annotated[Path | None, Option("Folder to write. (default: results/study-CASE)")]
     json: shared.Json
@@ -46,6 +49,9 @@ class Options(TypedDict):
 def command(options: Options) -> None:
     """Predict through occlusion with every motion model: the paper's two cases and transfer to real roads.
 
+    situations: errors after 1 to 10 s unseen in free driving, following,
+    stop-and-go, after a cut-in and around lane changes, simulated or, with
+    --real-data, recorded.
     transfer: train models on SUMO, on recorded pairs and on both; test them on
     other recorded pairs and recordings, and on SUMO.
     ablation: in dense traffic, undo the tracker's departures from the paper
@@ -57,6 +63,7 @@ def command(options: Options) -> None:
     Examples:
       python -m harness study lane-keeping
       python -m harness study lane-change --models gmm,cvm,cam --cases 100
+      python -m harness study situations --real-data recordings
       python -m harness study transfer --real-data recordings
       python -m harness study ablation
     """

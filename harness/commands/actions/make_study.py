@@ -28,7 +28,8 @@ from harness.lab.ablation import (
     ideal_request,
     write_ablation,
 )
-from harness.lab.study import published, study_text, transfer, transfer_text
+from harness.lab.study import published, situations, study_text, transfer, transfer_text
+from harness.lab.windows.car_following import STEPS
 from harness.lab.windows.realdata import real_data_folder
 from harness.report.folder_page import write_page
 from harness.storage.grid_folder import RUNS
@@ -80,7 +81,11 @@ def make_study_of(options: Mapping[str, Any]) -> None:
             count,
             options["cache"],
         )
-        told = _make_published(cases, load_network(net), folder, say, quiet)
+        network = load_network(net)
+        if case == situations.SITUATIONS:
+            told = _make_situations(cases, network, options["real_data"], folder, say, quiet)
+        else:
+            told = _make_published(cases, network, folder, say, quiet)
 
     write_page(folder)
     if options["json"]:
@@ -141,3 +146,24 @@ def _make_published(
         raise InputError(f"`model_file` {plan.model_file}: {error}") from error
     study_text.write_study(result, setting, folder)
     return _StudyOutput(study_text.as_json(result, setting), study_text.as_markdown(result, setting))
+
+
+def _make_situations(
+    plan: published.StudyPlan, net: Network, real: Path | None, folder: Path, say: Callable[[str], None], quiet: bool
+) -> _StudyOutput:
+    if real is not None:
+        parts, steps = situations.recorded_parts(real_data_folder(real)), transfer.SHORT_STEPS
+    else:
+        _ = net.main_road  # which the cases are recorded along
+        parts, steps = situations.simulated_parts(plan, net, say), STEPS
+    runs = 5 * len(plan.models or situations.MODELS)
+    with progress_bar("study situations: predicting", runs, quiet, before="study situations: compiling") as advance:
+        rows = situations.situation_rows(plan, parts, steps, advance)
+    setting = plan.setting(net, plan.cases)
+    del setting["measurement_noise_under_partial_occlusion"]
+    if real is not None:
+        for name in ("network", "densities_veh_per_km_lane", "traffic_seeds"):
+            del setting[name]
+        setting["recordings"] = len(parts)
+    numbers = situations.write_situations(rows, setting, folder)
+    return _StudyOutput(numbers, situations.as_markdown(rows, setting))

@@ -16,6 +16,7 @@ from harness.lab.windows.cases import following_cases
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import HORIZONS_S, score
 from mmpf.motion.protocol import MotionModel
+from mmpf.numerics.arrays import BoolArray
 
 TRAFFIC = "Traffic"
 """Name of the fact that says which traffic a model was fitted to, as ``traffic_version`` names it."""
@@ -65,17 +66,22 @@ class RegimeError:
 
 def errors_by_regime(model: MotionModel, windows: CarFollowing, step_s: float, seed: int) -> list[RegimeError]:
     """Return the closed-loop errors in free driving, following, stop-and-go and after a cut-in."""
+    return [
+        _errors(model, name, windows.take(np.flatnonzero(chosen)), step_s, seed)
+        for name, chosen in regimes_of(windows).items()
+    ]
+
+
+def regimes_of(windows: CarFollowing) -> dict[str, BoolArray]:
+    """Return which windows are of each regime, by name, each of shape (windows,)."""
     led = windows.has_leader
     stop_and_go = led & (windows.speed_mps.min(axis=1) < STOP_AND_GO_BELOW_MPS)
-    regimes = {
+    return {
         "free": ~led,
         "following": led & ~stop_and_go & ~windows.after_cut_in,
         "stop-and-go": stop_and_go,
         "cut-in": led & windows.after_cut_in,
     }
-    return [
-        _errors(model, name, windows.take(np.flatnonzero(chosen)), step_s, seed) for name, chosen in regimes.items()
-    ]
 
 
 def _errors(model: MotionModel, regime: str, windows: CarFollowing, step_s: float, seed: int) -> RegimeError:

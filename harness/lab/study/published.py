@@ -83,7 +83,9 @@ def make_study(
         InputError: An unknown study or model.
     """
     if plan.study not in MODELS:
-        raise InputError(f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE}, transfer or ablation")
+        raise InputError(
+            f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE}, situations, transfer or ablation"
+        )
     models = {name: _model(plan, name) for name in plan.model_names}
     cases = cases_of_plan(plan, network, say)
     result = run_study(

@@ -68,7 +68,12 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
 
 def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
     """Cut recordings that lie in files into windows around lane changes."""
-    return _made_of([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)], np.concatenate)
+    return join_changes([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)])
+
+
+def join_changes(parts: Sequence[LaneChanges]) -> LaneChanges:
+    """Put the windows of several recordings together."""
+    return _made_of(parts, np.concatenate)
 
 
 def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:

@@ -1,0 +1,131 @@
+"""The study by situation: how far off each model is after some seconds unseen, in simulated or recorded traffic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.common.errors import InputError
+from harness.common.files import write_results
+from harness.common.markdown import markdown_table
+from harness.common.numbers import rounded
+from harness.lab.fidelity.samples import whole_recording
+from harness.lab.fit.card import regimes_of
+from harness.lab.study.published import StudyPlan
+from harness.lab.study.study import score_row
+from harness.lab.study.study_text import DECIMALS, error_cell, setting_line
+from harness.lab.windows.car_following import following_windows, join
+from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
+from harness.lab.windows.changing import join_changes, lane_change_windows
+from harness.lab.windows.filtering import follow
+from harness.lab.windows.pairs import recording_of
+from harness.lab.windows.realdata import snippet_files
+from harness.lab.windows.recording import Recording, load_all
+from harness.lab.windows.scenarios import REPORTING_DURATION_S, record_scenarios, scenarios
+from harness.lab.windows.scores import HORIZONS_S, score
+from harness.truth.frame import STEP_S
+from harness.truth.network.network import Network
+from mmpf.map.road import Road
+from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
+from mmpf.motion.protocol import motion_models
+
+SITUATIONS = "situations"
+CHANGING = "changing lanes"
+MODELS = ("residual", "recurrent", "gmm", "empirical", "idm-adaptive", "cvm")
+
+Row = Mapping[str, Any]
+Part = tuple[Recording, Road]
+
+
+def situation_rows(
+    plan: StudyPlan, parts: Sequence[Part], steps: int, progress: Callable[[], None]
+) -> list[dict[str, Any]]:
+    """Return a row for each situation, model and horizon.
+
+    Nothing is measured after the true state at the start. Around a lane change a model does not know that it comes.
+
+    Args:
+        plan: Models, cases of each situation, particles and seed.
+        parts: Recordings and their roads.
+        steps: States of a window.
+        progress: Called after each situation and model.
+
+    Raises:
+        InputError: The recordings have no situation that lasts so long.
+    """
+    rows = []
+    for situation, cases in situations_of(plan, parts, steps).items():
+        for name in tuple(plan.models) or MODELS:
+            model = motion_models[name]()
+            if situation != CHANGING and isinstance(model, LearnedDriver):
+                model = without_lane_changes(model)
+            scores = score(follow(model, cases, plan.particles, np.random.default_rng([plan.seed, 2])), cases)
+            ends = {h: round(h / STEP_S) - 1 for h in HORIZONS_S if round(h / STEP_S) < cases.steps}
+            head = {"study": SITUATIONS, "situation": situation, "model": name}
+            rows += [{**head, **score_row(scores, end, horizon)} for horizon, end in ends.items()]
+            progress()
+    if not rows:
+        raise InputError("`case` situations: no two vehicles drive on for long enough; give more seeds or recordings")
+    return rows
+
+
+def simulated_parts(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> list[Part]:
+    """Return a plan's traffic, recorded where it is not yet."""
+    wanted = scenarios(plan.first_traffic_seed, plan.traffic_seeds, REPORTING_DURATION_S)
+    return [(part, network.road) for part in load_all(record_scenarios(network, wanted, plan.cache, say))]
+
+
+def recorded_parts(folder: Path) -> list[Part]:
+    """Return the recorded traffic of real roads in a folder.
+
+    Raises:
+        InputError: There is none.
+    """
+    traffic = [whole_recording(path) for path in snippet_files(folder)]
+    return [(recording_of(part), part.road) for part in traffic]
+
+
+def situations_of(plan: StudyPlan, parts: Sequence[Part], steps: int) -> dict[str, Cases]:
+    """Return cases by situation, at most ``plan.cases`` of each, without situations of fewer than two."""
+    windows = join([following_windows(*part, steps, STEP_S) for part in parts])
+    changes = join_changes([lane_change_windows(*part, STEP_S) for part in parts])
+    rng = np.random.default_rng([plan.seed, 0])
+    situations = {
+        name: following_cases(windows.take(np.flatnonzero(chosen)), plan.cases, STEP_S, rng, led_only=False)
+        for name, chosen in regimes_of(windows).items()
+    }
+    situations[CHANGING] = lane_change_cases(changes, plan.cases, STEP_S, rng)
+    return {name: cases for name, cases in situations.items() if cases.count > 1}
+
+
+def as_markdown(rows: Sequence[Row], setting: Mapping[str, Any]) -> str:
+    """Return a table for each situation: the error and how often the 95 % interval holds the truth, by horizon."""
+    parts = [
+        "# Study: situations",
+        "",
+        "Nothing is measured after the start. Mean absolute error of the position along ",
+    ]
+    parts[-1] += (
+        "the road, m, with its 95 % interval; then in how many cases the particles' 95 % interval holds the truth."
+    )
+    for situation in dict.fromkeys(row["situation"] for row in rows):
+        some = [row for row in rows if row["situation"] == situation]
+        horizons = dict.fromkeys(row["horizon_s"] for row in some)
+        cells: dict[str, list[str]] = {}
+        for row in some:
+            cell = f"{error_cell(row, 'lon_m')}; {100 * row['coverage95_lon_m']:.0f} %"
+            cells.setdefault(row["model"], []).append(cell)
+        parts += ["", f"## {situation.capitalize()}, {some[0]['n']} cases", ""]
+        heads = ["model", *(f"{horizon:g} s" for horizon in horizons)]
+        parts += markdown_table(heads, [[model, *line] for model, line in cells.items()])
+    return "\n".join([*parts, "", "## Setting", "", setting_line(setting), ""])
+
+
+def write_situations(rows: Sequence[Row], setting: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Write ``results.json`` and ``results.md`` into a folder, made if missing, and return what the first holds."""
+    numbers = {"setting": dict(setting), "results": rounded(rows, DECIMALS)}
+    write_results(folder, numbers, as_markdown(rows, setting))
+    return numbers
