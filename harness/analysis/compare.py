@@ -145,17 +145,14 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
     """
     closed_loop = _are_closed_loops(a, b)
     rules = _rules_for(closed_loop, rules or Rules())
-    _check_primary(rules, closed_loop)
-    notes: list[str] = []
     for side in (a, b):
         if not len(side.rows):
             raise InputError(f"compare: every run of {side.name} failed, so there is nothing to compare; run it again")
     differs = _differing(a, b, allow_different)
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
-        single = compare_runs(a, b, rules)
-        verdicts = _with_values(judge(single.measured, rules))
-        told = (*notes_of(a, b), *notes)
-        return Judgement(a.name, b.name, verdicts, told, rules, "vehicles", (), single.why, differs)
+        singly, why = compare_runs(a, b, rules)
+        verdicts = _with_values(judge(singly, rules))
+        return Judgement(a.name, b.name, verdicts, tuple(notes_of(a, b)), rules, "vehicles", (), why, differs)
     arms: list[Arms] = []
     wanting = _missing_runs(a, b)
     units, compared, other = "seeds", 0, 0
@@ -185,15 +182,16 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         differs = (f"traffic or detections of {other} of {compared} pairs, so that nothing is paired", *differs)
     measured = [measure(arm, 0.0 if rules.judges(arm.quantity) else TOLERATED_LOSS) for arm in arms]
     verdicts = _with_values(judge(measured, rules))
-    told = (
-        *notes,
-        *_older_notes(a, b, rules),
-        *_pairing_notes(arms),
-        *([] if closed_loop else _time_notes(a, b)),
-        *_survivor_notes(verdicts),
-    )
+    told = _older_notes(a, b, rules)
+    if not all(arm.layout.paired for arm in arms):
+        told.append("Nothing is paired: whole arms are compared, which shows only larger differences than pairs do.")
+    if not (closed_loop or _in_one_run(a, b)):
+        told.append(
+            "The time of a step is not judged: it is comparable only between trackers of one and the same stress test."
+        )
+    told += _survivor_notes(verdicts)
     paired = f"{compared} runs of each side are compared, of {len(a.rows)} of a and {len(b.rows)} of b."
-    return Judgement(a.name, b.name, verdicts, told, rules, units, tuple(wanting), None, differs, paired)
+    return Judgement(a.name, b.name, verdicts, tuple(told), rules, units, tuple(wanting), None, differs, paired)
 
 
 def _differing(a: Source, b: Source, allow_different: bool) -> tuple[str, ...]:
@@ -225,14 +223,12 @@ def _are_closed_loops(a: Source, b: Source) -> bool:
 
 def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
     """Return the rules, those of a closed loop naming its own metrics unless the user has named some."""
-    return replace(rules, primary=DRIVEN) if closed_loop and rules.primary == PRIMARY else rules
-
-
-def _check_primary(rules: Rules, closed_loop: bool) -> None:
+    rules = replace(rules, primary=DRIVEN) if closed_loop and rules.primary == PRIMARY else rules
     known = [quantity.key for quantity in compared_quantities(closed_loop=closed_loop)]
     for key in rules.primary:
         if key not in known:
             raise InputError(f"`primary` {key}: no such metric is compared; choose of {', '.join(known)}")
+    return rules
 
 
 def _missing_runs(a: Source, b: Source) -> list[str]:
@@ -298,12 +294,6 @@ def _step_times(a: pd.DataFrame, b: pd.DataFrame) -> list[FloatArray]:
         return [of_a / of_a, of_b / of_a]
 
 
-def _pairing_notes(arms: list[Arms]) -> list[str]:
-    if all(arm.layout.paired for arm in arms):
-        return []
-    return ["Nothing is paired: whole arms are compared, which shows only larger differences than pairs do."]
-
-
 def _older_notes(a: Source, b: Source, rules: Rules) -> list[str]:
     """Say which judged metrics one side lacks since it is older than they are."""
     younger = [
@@ -315,12 +305,6 @@ def _older_notes(a: Source, b: Source, rules: Rules) -> list[str]:
     return [
         f"{name} is older than {', '.join(keys)}, so these are not judged." for name, keys in lacking.items() if keys
     ]
-
-
-def _time_notes(a: Source, b: Source) -> list[str]:
-    if _in_one_run(a, b):
-        return []
-    return ["The time of a step is not judged: it is comparable only between trackers of one and the same stress test."]
 
 
 def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:

@@ -63,4 +63,4 @@ def read_gate(path: Path | None) -> Gate:
     except ValidationError as error:
         key, message, given, unknown = first_problem(error)
         problem = f"unknown key {key!r}" if unknown else f"{key}: {message}, not {given!r}"
-        raise InputError(f"`{PARAMETER}`: {path}: {problem}; see docs/comparing.md") from None
+        raise InputError(f"`{PARAMETER}`: {path}: {problem}; see docs/tutorials/gate.md") from None

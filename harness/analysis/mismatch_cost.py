@@ -21,9 +21,18 @@ if TYPE_CHECKING:
 
 NAN = float("nan")
 TRAFFIC_SETTINGS = {f"traffic.{key}" for key, _ in fields_of(TrafficConfig)}
-HOTA, SWITCHES, COVERAGE = "mot.hota", "mot.id_switches", "calibration.coverage95.lon"
-RECALL, WORST_TENTH = "in_plain_view.recall", "in_plain_view.worst_tenth"
-MISSED, HIDDEN_COST, FALSE_TRACKS = "mot.missed", "hidden.hidden_cost_m", "mot.false_tracks_per_scan"
+HOTA = "mot.hota"
+SCORES = {
+    "hota": HOTA,
+    "id_switches": "mot.id_switches",
+    "coverage95_lon": "calibration.coverage95.lon",
+    "recall": "in_plain_view.recall",
+    "worst_tenth": "in_plain_view.worst_tenth",
+    "missed": "mot.missed",
+    "hidden_cost_m": "hidden.hidden_cost_m",
+    "false_tracks_per_scan": "mot.false_tracks_per_scan",
+}
+"""Of each mean of a ``Cost`` the column of the grid."""
 
 
 @dataclass(frozen=True)
@@ -91,18 +100,11 @@ def costs(table: pd.DataFrame) -> list[Cost]:
                     variant=str(variant),
                     model=str(model),
                     mismatch=str(mismatch),
-                    hota=_mean(column_of(some, HOTA)),
                     hota_loss=_mean(loss),
                     hota_loss_ci95=_interval(loss),
-                    id_switches=_mean(column_of(some, SWITCHES)),
-                    coverage95_lon=_mean(column_of(some, COVERAGE)),
                     runs=len(some),
                     hota_ci95=_interval(column_of(some, HOTA), Possible(most=100.0)),
-                    recall=_mean(column_of(some, RECALL)),
-                    worst_tenth=_mean(column_of(some, WORST_TENTH)),
-                    missed=_mean(column_of(some, MISSED)),
-                    hidden_cost_m=_mean(column_of(some, HIDDEN_COST)),
-                    false_tracks_per_scan=_mean(column_of(some, FALSE_TRACKS)),
+                    **{score: _mean(column_of(some, column)) for score, column in SCORES.items()},
                 )
             )
     return found

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harness.analysis.arms import lost_values
-from harness.analysis.rescored import COMPARE, evidence_of
 from harness.analysis.sources import Source
 from harness.analysis.vehicles import (
     ByVehicle,
@@ -26,17 +25,21 @@ from harness.analysis.why import Why, failures
 from harness.common.effects import Effect, neighbours_effect
 from harness.common.errors import InputError
 from harness.scoring.evidence.errors import scored_rows
-from harness.scoring.gathered import Evidence
+from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.gathered import Evidence, gather
 from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics.paired import KEYS, paired_errors
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
+from harness.storage.checks import sound_tables
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
 
+COMPARE = "compare"
+TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
 ERROR_COLUMNS = {"lon_m": "lon_error_m", "lat_m": "lat_error_m", "speed_mps": "speed_error_mps"}
 FOLLOWED = "hidden_outcomes.tracked_percent"
 BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
@@ -48,16 +51,8 @@ BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
 }
 
 
-@dataclass(frozen=True)
-class SingleRuns:
-    """The differences of two single runs on the same traffic, and what their failures come from."""
-
-    measured: list[MetricDifference]
-    why: Why
-
-
-def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
-    """Compare two single runs, vehicle by vehicle.
+def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDifference], Why]:
+    """Return the differences of two single runs, vehicle by vehicle, and what their failures come from.
 
     Mean absolute errors are over the steps at which both follow a vehicle. Scores of a whole run that no vehicle has of
     its own have no interval.
@@ -94,15 +89,28 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> SingleRuns:
         )
 
     why = Why(tuple(failures(first)), tuple(failures(second)), str(a.folder), str(b.folder))
-    return SingleRuns([measured(quantity) for quantity in compared_quantities(rules.primary)], why)
+    return [measured(quantity) for quantity in compared_quantities(rules.primary)], why
+
+
+def evidence_of(folder: Path) -> Evidence:
+    """Return what scoring finds out about a run, from the tables in its folder.
+
+    Args:
+        folder: The folder of a finished run.
+
+    Raises:
+        InputError: A table is missing or broken.
+    """
+    with sound_tables(folder, COMPARE):
+        truth, detections, tracks = (runfolder.read_table(folder, name, COMPARE) for name in TABLES)
+        return gather(truth, detections, tracks, ScoringSettings(), 0)
 
 
 def notes_of(a: Source, b: Source) -> list[str]:
     """Return the notes that a reader of such a comparison needs."""
     notes = [
         "One seed: vehicles are paired, so this does not generalise to other traffic. Vehicles that drive within 100 m "
-        "of "
-        "each other count as partly the same one, so intervals rest on fewer vehicles than there are."
+        "of each other count as partly the same one, so intervals rest on fewer vehicles than there are."
     ]
     shares = [float(column_of(side.rows, FOLLOWED)[0]) for side in (a, b)]
     if np.isfinite(shares).all():

@@ -289,7 +289,7 @@ def test_a_single_run_against_itself_differs_in_nothing(echo_runs):
     assert {verdict.difference for verdict in verdicts if verdict.pairs} == {0.0}
     assert {verdict.verdict for verdict in verdicts if verdict.primary and verdict.pairs} == {NO_WORSE}
     a, b = (open_source(echo_runs[0], "compare") for _ in range(2))
-    every = compare_runs(a, b, Rules(primary=tuple(quantity.key for quantity in compared_quantities()))).measured
+    every, _ = compare_runs(a, b, Rules(primary=tuple(quantity.key for quantity in compared_quantities())))
     assert all(each.same for each in every if each.pairs)
 
 

@@ -10,8 +10,7 @@ import pytest
 
 from harness.analysis import single
 from harness.analysis.compare import compare
-from harness.analysis.rescored import evidence_of
-from harness.analysis.single import compare_runs, notes_of
+from harness.analysis.single import compare_runs, evidence_of, notes_of
 from harness.analysis.sources import Source
 from harness.analysis.vehicles import closeness, hota_by_vehicle
 from harness.analysis.verdicts import Rules, compared_quantities
@@ -41,12 +40,12 @@ def sides(both, monkeypatch) -> list[Source]:
 
 
 def test_every_compared_metric_of_two_runs_is_measured_in_its_order(sides):
-    told = compare_runs(*sides, Rules())
-    assert [each.quantity.key for each in told.measured] == [each.key for each in compared_quantities()]
+    told, _ = compare_runs(*sides, Rules())
+    assert [each.quantity.key for each in told] == [each.key for each in compared_quantities()]
 
 
 def test_the_value_of_each_side_is_its_metric_and_errors_are_on_the_steps_of_both(sides, both):
-    told = {each.quantity.key: each for each in compare_runs(*sides, Rules()).measured}
+    told = {each.quantity.key: each for each in compare_runs(*sides, Rules())[0]}
     first, second = both.values()
     for key in ("mot.hota", "mot.idf1", "hidden.hidden_cost_m", "occlusion.same_id_percent", "mot_all.hota"):
         assert [told[key].a, told[key].b] == pytest.approx([side.rows[key].iloc[0] for side in sides])
@@ -68,7 +67,7 @@ def test_the_value_of_each_side_is_its_metric_and_errors_are_on_the_steps_of_bot
 def test_a_score_of_a_whole_run_has_a_difference_and_no_scatter(sides):
     sides[1].rows["mot.idf1"] = sides[0].rows["mot.idf1"]
     sides[0].rows["mot_all.hota"] = np.nan
-    told = {each.quantity.key: each for each in compare_runs(*sides, Rules()).measured}
+    told = {each.quantity.key: each for each in compare_runs(*sides, Rules())[0]}
     same, missing, other = told["mot.idf1"], told["mot_all.hota"], told["hidden_outcomes.tracked_percent"]
     assert (same.effect.difference, same.same, same.pairs, same.effect.units) == (0.0, True, 1, 1.0)
     assert np.isnan(same.effect.se)
@@ -79,23 +78,23 @@ def test_a_score_of_a_whole_run_has_a_difference_and_no_scatter(sides):
 
 def test_what_only_the_first_run_has_is_wanting(sides):
     sides[1].rows["mot.hota"] = np.nan
-    told = {each.quantity.key: each for each in compare_runs(*sides, Rules()).measured}["mot.hota"]
+    told = {each.quantity.key: each for each in compare_runs(*sides, Rules())[0]}["mot.hota"]
     assert (told.a, told.pairs, told.same) == (sides[0].rows["mot.hota"].iloc[0], 0, False)
     assert (told.effect.units, told.wanting) == (0.0, "b has no value of it")
     assert np.isnan([told.b, told.effect.difference, told.effect.se]).all()
 
 
 def test_the_failures_of_both_runs_are_told_with_where_they_can_be_watched(sides, both):
-    why = compare_runs(*sides, Rules()).why
+    why = compare_runs(*sides, Rules())[1]
     first, second = both.values()
     assert (list(why.a), list(why.b)) == (failures(first), failures(second))
     assert (why.folder_a, why.folder_b) == ("A", "B")
 
 
 def test_runs_of_one_tracker_are_called_by_its_name_and_others_by_both(sides):
-    assert {each.label for each in compare_runs(*sides, Rules()).measured} == {"tracker A to tracker B"}
+    assert {each.label for each in compare_runs(*sides, Rules())[0]} == {"tracker A to tracker B"}
     sides[1].rows["label"] = "tracker A"
-    assert {each.label for each in compare_runs(*sides, Rules()).measured} == {"tracker A"}
+    assert {each.label for each in compare_runs(*sides, Rules())[0]} == {"tracker A"}
 
 
 SEED = (
