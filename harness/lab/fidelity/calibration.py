@@ -18,7 +18,6 @@ from harness.lab.fidelity.samples import VehicleStatistics, merged
 from harness.lab.fidelity.simulate import RunJob, simulate_all
 from harness.lab.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
-from harness.truth.network.networkfile import DemandFile
 
 # The first steps go almost all the way; later ones follow less what differs from seed to seed.
 LAST_STEP = 0.3
@@ -171,8 +170,9 @@ def _simulate(
     """Return the figures of each demand and of all vehicles; schedules are compressed to the duration."""
     duration_s, jobs = request.duration_s, []
     for name in names:
-        compressed = _compressed(network.demand_files[name], duration_s / site.periods[name].duration_s)
-        shortened = network.with_demand(name, compressed)
+        demand, compression = network.demand_files[name], duration_s / site.periods[name].duration_s
+        schedule = tuple((from_s * compression, density, waves) for from_s, density, waves in demand.schedule)
+        shortened = network.with_demand(name, demand.model_copy(update={"schedule": schedule}))
         jobs += [RunJob(shortened, name, duration_s, seed) for seed in seeds]
     made = simulate_all(jobs, request.workers, on_run)
     runs = iter(made)
@@ -183,11 +183,6 @@ def _simulate(
         kept = [next(runs).fields.between(skip_s, duration_s) for _ in seeds]
         figures[name] = period_statistics(kept, network.main_road.main_lanes)
     return figures, merged(run.samples for run in made).statistics()
-
-
-def _compressed(demand: DemandFile, compression: float) -> DemandFile:
-    schedule = tuple((from_s * compression, density, waves) for from_s, density, waves in demand.schedule)
-    return demand.model_copy(update={"schedule": schedule})
 
 
 def _line(number: int, trial: Trial) -> str:

@@ -15,8 +15,6 @@ from harness.lab.fidelity.samples import BehaviourSamples, Sampler
 from harness.truth.network.network import Network
 from harness.truth.sumo.simulation import open_traffic
 
-"""Processor time of a simulated minute of rush hour."""
-
 
 @dataclass(frozen=True)
 class SimulatedRun:

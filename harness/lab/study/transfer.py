@@ -120,8 +120,11 @@ def make_transfer_study(plan: TransferPlan, network: Network, say: Say, progress
         held_out(PAIRS, pairs, HORIZONS_S),
         held_out(SNIPPETS, snippet_windows(files, SHORT_STEPS, say), tuple(h for h in HORIZONS_S if h <= 5.0)),
         held_out(SNIPPETS, snippet_windows(files, STEPS, say), tuple(h for h in HORIZONS_S if h > 5.0)),
-        _simulated_test(plan, network, say),
     ]
+    reporting = scenarios(plan.first_traffic_seed, plan.traffic_seeds, REPORTING_DURATION_S)
+    windows = _simulated_windows(reporting, plan, network, say)
+    simulated = following_cases(windows, plan.cases, STEP_S, np.random.default_rng([plan.seed, 0]))
+    tests.append(HeldOut(SUMO, simulated, np.arange(simulated.count), HORIZONS_S))
     for_training = scenarios(FIRST_TRAINING_SEED, plan.training_seeds, TRAINING_DURATION_S)
     both = mixed(_simulated_windows(for_training, plan, network, say), training, plan.most_windows, plan.seed)
     models = [
@@ -219,13 +222,6 @@ def snippet_windows(files: Sequence[Path], steps: int, say: Say) -> CarFollowing
 def held_out(tested_on: str, windows: CarFollowing, horizons_s: tuple[float, ...]) -> HeldOut:
     """Return windows as a test; every window is a case."""
     return HeldOut(tested_on, cases_of(windows, STEP_S), windows.vehicle, horizons_s)
-
-
-def _simulated_test(plan: TransferPlan, network: Network, say: Say) -> HeldOut:
-    wanted = scenarios(plan.first_traffic_seed, plan.traffic_seeds, REPORTING_DURATION_S)
-    windows = _simulated_windows(wanted, plan, network, say)
-    cases = following_cases(windows, plan.cases, STEP_S, np.random.default_rng([plan.seed, 0]))
-    return HeldOut(SUMO, cases, np.arange(cases.count), HORIZONS_S)
 
 
 def _simulated_windows(wanted: Sequence[Scenario], plan: TransferPlan, network: Network, say: Say) -> CarFollowing:

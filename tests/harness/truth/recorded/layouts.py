@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.truth.recorded.formats import network_of, recognise
+from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic
+
 FOOT_M = 0.3048
 US101_LEFT_M = 18.3
 TEXT_COLUMN_COUNT = 18
@@ -160,3 +163,9 @@ def write_fcd(path: Path, cars: Sequence[Car] = CARS, step_s: float = 0.1, attri
     )
     path.write_text(f'<?xml version="1.0"?>\n<fcd-export>\n{text}\n</fcd-export>\n')
     return path
+
+
+def opened(path: Path, ego: str = "auto", duration_s: float = 60.0, net: str | None = None) -> RecordedTrafficTruth:
+    """Open a recording of whichever format it has."""
+    entry = recognise(path)
+    return open_recorded_traffic(path, entry.name, network_of(entry, net), ego, duration_s)

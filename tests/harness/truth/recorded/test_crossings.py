@@ -10,8 +10,6 @@ from harness.lab.fidelity.samples import recorded_samples
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage import run_folder as runfolder
-from harness.truth.recorded.formats import network_of, recognise
-from harness.truth.recorded.source import open_recorded_traffic
 from mmpf.map.control import FREE, SIGNAL, YIELD
 from mmpf.map.lane_graph import NOWHERE
 from mmpf.numerics.arrays import wrapped
@@ -26,17 +24,12 @@ from tests.harness.truth.recorded.crossing import (
     WIDTH_M,
     write_crossing,
 )
-from tests.harness.truth.recorded.layouts import write_commonroad
+from tests.harness.truth.recorded.layouts import opened, write_commonroad
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 # Places from -60 m on are counted from a whole kilometre below.
 ORIGIN_M = 1000.0
 LANES = {str(number): name for name, number in NUMBER.items()}
-
-
-def opened(path, ego="auto"):
-    entry = recognise(path)
-    return open_recorded_traffic(path, entry.name, network_of(entry, None), ego, 60.0)
 
 
 @pytest.fixture(scope="module")

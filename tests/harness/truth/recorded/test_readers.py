@@ -2,7 +2,6 @@
 
 import gzip
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +10,7 @@ from harness.common.errors import InputError
 from harness.config.options import declared
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
-from harness.truth.recorded.formats import files_of, network_of, recognise
-from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic
+from harness.truth.recorded.formats import files_of, recognise
 from tests.harness.truth.recorded.layouts import (
     CARS,
     EPOCH_MS,
@@ -20,6 +18,7 @@ from tests.harness.truth.recorded.layouts import (
     Car,
     in_plane,
     ngsim_rows,
+    opened,
     write_commonroad,
     write_fcd,
     write_highd,
@@ -34,11 +33,6 @@ WRITERS = {
     "highd": lambda folder: write_highd(folder / "scene"),
     "fcd": lambda folder: write_fcd(folder / "fcd.xml"),
 }
-
-
-def opened(path: Path, ego: str = "auto", duration_s: float = 60.0, net: str | None = None) -> RecordedTrafficTruth:
-    entry = recognise(path)
-    return open_recorded_traffic(path, entry.name, network_of(entry, net), ego, duration_s)
 
 
 def by_name(frame) -> dict[str, int]:

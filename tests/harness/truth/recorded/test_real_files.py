@@ -12,8 +12,7 @@ import pytest
 
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
-from harness.truth.recorded.formats import network_of, recognise
-from harness.truth.recorded.source import RecordedTrafficTruth, open_recorded_traffic
+from tests.harness.truth.recorded.layouts import opened
 
 FOLDER = Path(os.environ.get("MMPF_REALDATA", "no recordings"))
 FILES = sorted([*FOLDER.glob("commonroad/*.xml"), *FOLDER.glob("ngsim/*.csv")])
@@ -22,11 +21,6 @@ FOOT_M = 0.3048
 LEFT_EDGE_M = 5 * 3.66
 
 pytestmark = pytest.mark.skipif(not FILES, reason="no real recordings; set MMPF_REALDATA")
-
-
-def opened(path: Path) -> RecordedTrafficTruth:
-    entry = recognise(path)
-    return open_recorded_traffic(path, entry.name, network_of(entry, None), "auto", 60.0)
 
 
 def positions_in_commonroad(path: Path) -> dict[tuple[str, int], tuple[float, float]]:
