@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curves import (
     BREAK_PERCENT,
+    FEWEST_EVENTS,
     Break,
     Point,
     curve_quantities,
@@ -93,7 +95,10 @@ def print_result(
         rows = [[f"{row[0]}, {row[1]}", *row[2:-1]] for row in _rows(points, axis, shown, False)]
         lines += [f"Means over seeds, by {name}:", "", *markdown_table(headings, rows), ""]
     lines += [f"- {line}" for line in (*map(break_sentence, broken), *(f"failed: {each}" for each in failures[:10]))]
-    show_markdown("\n".join([*lines, "", HOTA_NOTE, "", f"Results: {place}"]), on_stderr=True)
+    labels = list(dict.fromkeys(point.label for point in points))
+    pair = " ".join(shlex.quote(f"{place}@{label}") for label in labels[:2])
+    paired = ["", f"Verdict between two, seed by seed: python -m harness compare {pair}"] if len(labels) > 1 else []
+    show_markdown("\n".join([*lines, "", HOTA_NOTE, *paired, "", f"Results: {place}"]), on_stderr=True)
 
 
 HOTA_NOTE = (
@@ -109,7 +114,7 @@ DEFINITION = (
 def break_sentence(entry: Break) -> str:
     """Return a sentence on where a tracker breaks."""
     if entry.held_to is None:
-        return f"{entry.label}: too few occlusions to find its limit"
+        return f"{entry.label}: fewer than {FEWEST_EVENTS} occlusions at each density, too few to find its limit"
     if entry.density is None:
         return f"{entry.label}: holds up to {entry.held_to:g} veh/km/lane, the highest tested with enough occlusions"
     where = f"{entry.label}: breaks at {'or below ' if entry.at_lowest else ''}{entry.density:.0f} veh/km/lane"

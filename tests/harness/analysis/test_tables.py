@@ -110,6 +110,7 @@ def test_the_screen_shows_means_breaks_the_first_ten_failures_and_where_the_rest
     assert "seed 10" not in err
     assert break_sentence(HELD) in err
     assert "Results: results/x" in err
+    assert "python -m harness compare results/x@mmpf results/x@jpda" in err
 
 
 def test_on_eighty_columns_no_number_is_cut_and_the_trackers_stand_beside_each_part(capsys, monkeypatch):
