@@ -19,4 +19,4 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401  the type is the name's own
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *importlib.import_module("harness.api").__all__})
+    return sorted({*importlib.import_module("harness.api").__all__, *(name for name in globals() if name[0] == "_")})

@@ -10,7 +10,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from html import escape
 from pathlib import Path
@@ -172,14 +172,15 @@ class Comparison:
         regression: Whether anything is worse by more than the tolerance.
         reasons: Why it is undecided, a sentence each.
         notes: What a reader must know beside.
-        verdicts: One row for each tracker and metric: both values, the difference with its interval, the verdict.
+        verdicts: One row for each tracker and metric: both values, the difference, its 95 % interval from ``ci95_low``
+            to ``ci95_high``, and the verdict.
     """
 
     outcome: str
     regression: bool
     reasons: tuple[str, ...]
-    notes: tuple[str, ...]
-    verdicts: pd.DataFrame
+    notes: tuple[str, ...] = field(repr=False)
+    verdicts: pd.DataFrame = field(repr=False)
 
     def _repr_html_(self) -> str:
         """Return the outcome and what is judged, as notebooks show it."""
@@ -278,6 +279,8 @@ def compare(
         sources.open_source(first, "a"), sources.open_source(second, "b"), rules, allow_different
     )
     table = pd.DataFrame(compared.as_table()["verdicts"])
+    ends = pd.DataFrame([each or (None, None) for each in table.pop("ci95")], columns=["low", "high"], dtype="float64")
+    table[["ci95_low", "ci95_high"]] = ends.to_numpy()
     return Comparison(
         compared.outcome, compared.regression, compared.reasons, (*compared.differing, *compared.notes), table
     )

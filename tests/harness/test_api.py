@@ -251,6 +251,12 @@ def test_a_run_is_no_worse_than_itself(run):
     compared = harness.compare(run, run.folder)
     assert not compared.regression
     assert {"metric", "verdict"} <= set(compared.verdicts)
+    assert compared.verdicts[["difference", "ci95_low", "ci95_high"]].dtypes.eq("float64").all()
+    assert len(repr(compared)) < 200
+
+
+def test_completion_offers_the_public_names_alone():
+    assert {name for name in dir(harness) if name[0] != "_"} == set(harness.__all__)
 
 
 def test_notebooks_show_a_run_and_a_comparison_as_tables_with_names_escaped(tmp_path):
