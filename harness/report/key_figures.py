@@ -15,7 +15,7 @@ from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, number
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.tables import floats
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, turned
 
 HEADINGS = ("", "this run", "perfect", "to compare with")
 STATE = ["lon_m", "lat_m", "speed_mps", "lat_speed_mps", "heading_rad"]
@@ -47,10 +47,8 @@ def coasting_errors_m(run: RecordedRun) -> FloatArray:
     truth = run.truth.set_index([run.truth["step"], run.truth["vehicle_id"].astype(object)])[STATE]
     begun = truth.reindex(pd.MultiIndex.from_arrays([steps - np.rint(since_s / run.step_s).astype(np.int64), names]))
     now = truth.reindex(pd.MultiIndex.from_arrays([steps, names]))
-    ahead, aside = floats(begun, "speed_mps"), floats(begun, "lat_speed_mps")
-    if run.road.graph is not None:
-        heading = floats(begun, "heading_rad")
-        ahead, aside = ahead * np.cos(heading), ahead * np.sin(heading)
+    ahead, aside = (floats(begun, name) for name in ("speed_mps", "lat_speed_mps"))
+    ahead, aside = turned(ahead, aside, -run.road.axis_of(floats(begun, "heading_rad")))
     off_m = np.hypot(
         floats(begun, "lon_m") + ahead * since_s - floats(now, "lon_m"),
         floats(begun, "lat_m") + aside * since_s - floats(now, "lat_m"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import shapely
 from harness.running.finished import RecordedRun
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUTCOMES, VISIBILITY_STATES
 from harness.storage.tables import floats
-from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.tracks import TRACK_STATES
@@ -59,7 +60,7 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
     ... step.
     """
     reach_m = run.sensor.range_m + BEYOND_RANGE_M
-    kept_truth = run.truth[_near_ego(run.truth, reach_m, run.road)]
+    kept_truth = run.truth[_near_ego(run.truth, reach_m)]
     size = _bytes(run, kept_truth) + (0 if beside is None else _bytes(beside.run, kept_truth))
     stride = 1 + size // MOST_BYTES
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
@@ -70,7 +71,7 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         "episode": times["episode"].tolist(),
         "range_m": run.sensor.range_m,
         "field_of_view_deg": run.sensor.field_of_view_deg,
-        "road": _road(run, reach_m),
+        "road": _road(run.road, run, reach_m),
         "vehicles": _vehicles(kept_truth, codes, names),
         "truth": _truth(kept_truth, run.errors, codes, steps),
         "detections": _detections(run.detections, steps, run.road),
@@ -100,9 +101,9 @@ def pack(values: npt.ArrayLike, kind: str) -> dict[str, str]:
     return {"type": kind, "data": base64.b64encode(array.tobytes()).decode("ascii")}
 
 
-def _near_ego(truth: pd.DataFrame, reach_m: float, road: Road) -> npt.NDArray[np.bool_]:
-    near = np.abs(_away_from_ego(truth, truth, "lon_m")) <= reach_m
-    return near if road.graph is None else near & (np.abs(_away_from_ego(truth, truth, "lat_m")) <= reach_m)
+def _near_ego(truth: pd.DataFrame, reach_m: float) -> npt.NDArray[np.bool_]:
+    away_m = [np.abs(_away_from_ego(truth, truth, column)) for column in ("lon_m", "lat_m")]
+    return np.asarray(np.maximum(*away_m) <= reach_m)
 
 
 def _away_from_ego(table: pd.DataFrame, truth: pd.DataFrame, column: str) -> FloatArray:
@@ -116,42 +117,39 @@ def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
     return 35 * len(truth) + 12 * len(run.detections) + 37 * len(run.tracks) + 4 * particles
 
 
-def _road(run: RecordedRun, reach_m: float) -> dict[str, Any]:
-    if run.road.graph is not None:
-        return _lines(run, run.road.graph, reach_m)
+@singledispatch
+def _road(road: Road, run: RecordedRun, reach_m: float) -> dict[str, Any]:  # noqa: ARG001
+    """Return the strips of a single road, and the ramps beside it."""
 
     def finite(value: float) -> float:
         return float(np.clip(value, -FAR_M, FAR_M))
 
     return {
-        "lanes": [[ln.right_m, ln.left_m, finite(ln.start_m), finite(ln.end_m)] for ln in run.road.lanes],
-        "reference_xy": [list(point) for point in run.road.reference_xy],
-        "reference_start_m": run.road.reference_start_m,
+        "lanes": [[ln.right_m, ln.left_m, finite(ln.start_m), finite(ln.end_m)] for ln in road.lanes],
+        "reference_xy": [list(point) for point in road.reference_xy],
+        "reference_start_m": road.reference_start_m,
         "ramps": [np.round(outline, 1).tolist() for outline in run.ramps],
     }
 
 
-def _lines(run: RecordedRun, graph: LaneGraph, reach_m: float) -> dict[str, Any]:
+@_road.register
+def _(road: LaneGraphRoad, run: RecordedRun, reach_m: float) -> dict[str, Any]:
     """Return the lanes and walls near the ego's way, as lines in the plane."""
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].iloc[::10]
     way = shapely.MultiPoint(ego[["lon_m", "lat_m"]].to_numpy()).buffer(reach_m)
-    lines = [graph.line(k) for k in range(len(graph))]
-    near = shapely.intersects(way, [shapely.LineString(line) for line in lines])
-    walls = np.zeros((0, 4)) if run.road.walls_xy is None else run.road.walls_xy
-    seen = shapely.intersects(way, [shapely.LineString(wall.reshape(2, 2)) for wall in walls])
+    shapely.prepare(way)
+    lines = [line for line in road.lines() if way.intersects(shapely.LineString(line.xy))]
+    ends = road.walls_near(0.0, 0.0, np.inf).reshape(-1, 2, 2)
+    walls = [wall.ravel() for wall in ends if way.intersects(shapely.LineString(wall))]
     return {
         "lanes": [],
-        "reference_xy": [list(point) for point in run.road.reference_xy],
-        "reference_start_m": run.road.reference_start_m,
+        "reference_xy": [list(point) for point in road.reference_xy],
+        "reference_start_m": road.reference_start_m,
         "lines": [
-            {
-                "xy": np.round(lines[k], 2).tolist(),
-                "width": round(float(graph.width_m[k]), 2),
-                "junction": bool(graph.in_junction[k]),
-            }
-            for k in np.flatnonzero(near)
+            {"xy": np.round(line.xy, 2).tolist(), "width": round(line.width_m, 2), "junction": line.in_junction}
+            for line in lines
         ],
-        "walls": np.round(walls[seen], 2).tolist() if len(walls) else [],
+        "walls": [np.round(wall, 2).tolist() for wall in walls],
     }
 
 
@@ -189,12 +187,10 @@ def _detections(detections: pd.DataFrame, steps: IntArray, road: Road) -> dict[s
     """Pack the detections with the sizes that cast their shadows: the measured ones, or else a mean car's."""
     mean_car = {"length_m": NOMINAL_LENGTH_M, "width_m": NOMINAL_WIDTH_M}
     unmeasured = {name: size for name, size in mean_car.items() if name not in detections}
-    turned: dict[str, tuple[str, str, float]] = {}
-    if road.graph is not None:
-        near = road.graph.lanes_near(floats(detections, "lon_m"), floats(detections, "lat_m"), most=1)
-        detections, turned = detections.assign(turn=near.heading_rad[:, 0]), {"turn": ("turn", "i2", 1e4)}
+    turn = road.axis_of(road.lane_heading_at(floats(detections, "lon_m"), floats(detections, "lat_m")))
+    turned = {"turn": ("turn", "i2", 1e4)} if turn.any() else {}
     return _rows(
-        detections.assign(**unmeasured), steps,
+        detections.assign(**unmeasured, turn=turn), steps,
         lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0), length=("length_m", "u2", 100.0),
         width=("width_m", "u2", 100.0), **turned,
     )  # fmt: skip
@@ -228,16 +224,12 @@ def _plots(run: RecordedRun) -> list[tuple[str, str, str, float]]:
 
 
 def _particles(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:
-    """Pack the particles relative to the ego, along the road in decimetres and across it in centimetres.
-
-    Across one road they count from its right edge, in the plane from the ego as well.
-    """
+    """Pack the particles relative to the ego, longitudinally in decimetres and laterally in centimetres."""
     if run.particles is None:
         return None
-    columns = run.particles.assign(away_m=_away_from_ego(run.particles, run.truth, "lon_m"))
-    if run.road.graph is not None:
-        columns = columns.assign(lat_m=_away_from_ego(run.particles, run.truth, "lat_m"))
-    return _rows(columns, steps, away=("away_m", "i2", 10.0), lat=("lat_m", "i2", 100.0))
+    away_m = {f"away_{name}": _away_from_ego(run.particles, run.truth, name) for name in ("lon_m", "lat_m")}
+    columns = run.particles.assign(**away_m)
+    return _rows(columns, steps, away=("away_lon_m", "i2", 10.0), lat=("away_lat_m", "i2", 100.0))
 
 
 def _unseen(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import singledispatch
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +25,7 @@ from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.storage.tables import floats
 from harness.truth.frame import Frame
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, wrapped
 from mmpf.scan import Detections, EgoPose
@@ -63,10 +65,14 @@ class PictureScene:
 
 
 def scene_figure(scene: PictureScene, title: str = "") -> Figure:
-    """Return a figure of the whole range in two strips: what lies ahead of the ego above, what lies behind it below."""
+    """Return a figure of the whole range."""
+    return _figure(scene.road, scene, title)
+
+
+@singledispatch
+def _figure(road: Road, scene: PictureScene, title: str) -> Figure:  # noqa: ARG001
+    """Return two strips of a single road: what lies ahead of the ego above, what lies behind it below."""
     low, high = _road_edges(scene)
-    if scene.road.graph is not None:
-        return _plane_figure(scene, title)
     overlap, range_m = 8.0, scene.range_m
     windows = ((-overlap, range_m + MARGIN_M), (-range_m - MARGIN_M, overlap))
     width_in = 13.0
@@ -82,8 +88,9 @@ def scene_figure(scene: PictureScene, title: str = "") -> Figure:
     return figure
 
 
-def _plane_figure(scene: PictureScene, title: str) -> Figure:
-    """Return a figure of the whole range on a network of many roads, north up."""
+@_figure.register
+def _(road: LaneGraphRoad, scene: PictureScene, title: str) -> Figure:  # noqa: ARG001
+    """Return a network of many roads, north up."""
     figure = Figure(figsize=(9.0, 9.8), dpi=120, layout="constrained")
     axes = figure.subplots()
     draw_scene(axes, scene, (-scene.range_m - MARGIN_M, scene.range_m + MARGIN_M))

@@ -45,16 +45,14 @@ class Subject:
     with_ego: bool = False
 
 
-def across(road: Road) -> tuple[float, float]:
+def across(road: Road, middle_m: float = 0.0) -> tuple[float, float]:
     """Return how far a picture reaches across the road; in the plane, below and above its middle."""
-    if road.graph is not None:
-        return -HALF_WINDOW_M, HALF_WINDOW_M
-    return min(lane.right_m for lane in road.lanes), max(lane.left_m for lane in road.lanes)
+    return road.across_m((-np.inf, np.inf), middle_m, HALF_WINDOW_M)
 
 
 def direction_words(road: Road) -> str:
     """Return which way pictures are turned."""
-    return NORTH_UP if road.graph is not None else DRIVING_RIGHT
+    return NORTH_UP if road.has_headings else DRIVING_RIGHT
 
 
 def draw_moment(axes: Axes, run: RecordedRun, subject: Subject, step: int) -> str:
@@ -69,13 +67,11 @@ def draw_moment(axes: Axes, run: RecordedRun, subject: Subject, step: int) -> st
     centre, middle = float(place[0]), float(place[1])
     if subject.with_ego:
         centre, middle = _towards(centre, float(lon[ego])), _towards(middle, float(lat[ego]))
-    low, high = across(run.road)
-    if run.road.graph is not None:
-        low, high = middle + low, middle + high
-    else:  # beside the main lanes, for example on a ramp, the picture goes along
-        aside = min(middle - HALF_WIDTH_M - low, 0.0) + max(middle + HALF_WIDTH_M - high, 0.0)
-        low, high = low + aside, high + aside
-    axes.set(xlim=(-HALF_WINDOW_M, HALF_WINDOW_M), ylim=(low - MARGIN_M, high + MARGIN_M), xticks=[], yticks=[])
+    low, high = across(run.road, middle)
+    # Beside the main lanes, for example on a ramp, the picture goes along.
+    aside = min(middle - HALF_WIDTH_M - low, 0.0) + max(middle + HALF_WIDTH_M - high, 0.0)
+    limits = low + aside - MARGIN_M, high + aside + MARGIN_M
+    axes.set(xlim=(-HALF_WINDOW_M, HALF_WINDOW_M), ylim=limits, xticks=[], yticks=[])
     axes.set_facecolor(OUT_OF_SIGHT)
     axes.spines[:].set_color("#bbbbbb")
     detections = rows_at(run.detections, step)

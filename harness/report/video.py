@@ -58,7 +58,7 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
     import imageio_ffmpeg  # noqa: PLC0415
 
     run = read_recorded_run(folder)
-    if run.road.graph is not None:
+    if not run.road.lanes:
         raise InputError("`video`: films show one road from above, and this network has many; see the page's replay")
     times = np.unique(run.truth["time_s"].to_numpy(dtype=np.float64))
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0

@@ -133,7 +133,7 @@ def check_truth(truth: pd.DataFrame, road: Road, place: str) -> None:
         InputError: It lacks steps, or holds lanes that the road has not, or fractions above 1.
     """
     steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
-    most = len(road.graph) if road.graph is not None else max(lane.number for lane in road.lanes)
+    most = max((lane.number for lane in road.lanes), default=sum(1 for _ in road.lines()))
     fractions = [name for name in ("visible_fraction", "wall_fraction") if name in truth]
     faults = {
         "lacks steps": bool((np.diff(steps) > 1).any()),

@@ -259,10 +259,9 @@ def _road(path: Path, parameter: str) -> Road:
             reference_start_m=float(fields["reference_start_m"]),
             section_m=(float(fields["section_m"][0]), float(fields["section_m"][1])),
         )
-        graph = graph_of(fields["graph"]) if "graph" in fields else None
         walls_xy = walls_of(fields["walls_xy"]) if "walls_xy" in fields else None
         _check_frame(road)
-        if graph is None:
+        if "graph" not in fields:
             if problem := lanes_problem(road.lanes):
                 raise ValueError(problem)
             if walls_xy is not None:
@@ -270,7 +269,7 @@ def _road(path: Path, parameter: str) -> Road:
             return road
         if replace(road, section_m=CorridorRoad.section_m) != CorridorRoad(lanes=()):
             raise ValueError("beside a graph of lanes its frame must be the plane")
-        return LaneGraphRoad(graph, road.section_m, walls_xy)
+        return LaneGraphRoad(graph_of(fields["graph"]), road.section_m, walls_xy)
     except (
         *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, OverflowError),
     ) as error:

@@ -305,10 +305,10 @@ function drawArrow(pen, x, y, turn, long) {
 
 function drawParticles(pen, camera) {
   const particles = camera.data.particles, [begin, end] = range(particles, view.step);
-  const ego = egoRow(view.step), egoLon = data.truth.lon[ego], fromLat = road.lines ? data.truth.lat[ego] : 0;
+  const ego = egoRow(view.step), egoLon = data.truth.lon[ego], egoLat = data.truth.lat[ego];
   pen.fillStyle = "rgba(0, 114, 178, 0.75)";
   for (let k = begin; k < end; k++) {
-    const [x, y] = camera.at(egoLon + particles.away[k] / 10, fromLat + particles.lat[k] / 100);
+    const [x, y] = camera.at(egoLon + particles.away[k] / 10, egoLat + particles.lat[k] / 100);
     pen.fillRect(x - 1, y - 1, 2, 2);
   }
 }

@@ -90,7 +90,8 @@ def test_particles_lie_where_they_were_recorded(run):
     assert unpacked(data["first"]).tolist()[:4] == [0, 2, 2, 3]
     # The ego is at 100 m at the start and at 104 m two steps later.
     assert unpacked(data["away"]) / 10 == pytest.approx([-10.0, 31.3, 0.0], abs=0.051)
-    assert unpacked(data["lat"]) / 100 == pytest.approx([5.0, -1.25, 7.5])
+    ego = run.truth[run.truth["is_ego"]].set_index("step")["lat_m"]
+    assert unpacked(data["lat"]) / 100 == pytest.approx(np.array([5.0, -1.25, 7.5]) - ego[[0, 0, 2]], abs=0.0051)
     assert replay_data(run)["particles"] is None
 
 

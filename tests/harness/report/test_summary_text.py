@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,6 +7,9 @@ from harness.report.key_figures import coasting_errors_m, key_figures
 from harness.report.summary_text import setting_sentence, summary_sentences
 from harness.running.finished import read_recorded_run
 from harness.scoring.metrics.registry import completed
+from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.lane_graph import without_map
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
 
@@ -44,8 +49,10 @@ def test_intervals_are_judged_for_visible_and_hidden_vehicles_apart(metrics, in_
     assert "too few samples of visible vehicles (n = 4)" in " ".join(summary_sentences(metrics))
 
 
-def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected(run):
-    found = coasting_errors_m(run)
+@pytest.mark.parametrize(("road", "turn_rad"), [(highway(), 0.0), (LaneGraphRoad(without_map()), 0.3)])
+def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected_and_go_as_it_did(run, road, turn_rad):
+    run = replace(run, road=road, truth=run.truth.assign(heading_rad=0.3, lat_speed_mps=0.4))
+    found, cosine, sine = coasting_errors_m(run), np.cos(turn_rad), np.sin(turn_rad)
     expected = []
     truth = {(row.step, row.vehicle_id): row for row in run.truth.itertuples()}
     for row in run.errors.itertuples():
@@ -54,8 +61,9 @@ def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected(r
                 truth[row.step - round(row.seconds_hidden / run.step_s), row.vehicle_id],
                 truth[row.step, row.vehicle_id],
             )
-            ahead = begun.lon_m + begun.speed_mps * row.seconds_hidden - now.lon_m
-            aside = begun.lat_m + begun.lat_speed_mps * row.seconds_hidden - now.lat_m
+            along, across = begun.speed_mps * row.seconds_hidden, begun.lat_speed_mps * row.seconds_hidden
+            ahead = begun.lon_m + along * cosine - across * sine - now.lon_m
+            aside = begun.lat_m + along * sine + across * cosine - now.lat_m
             expected.append(min(10.0, (ahead**2 + aside**2) ** 0.5))
     assert expected
     np.testing.assert_allclose(found, expected)
