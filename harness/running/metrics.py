@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import singledispatch
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
@@ -14,9 +15,10 @@ from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.running.provenance import model_files
 from harness.storage.schema import MODEL_FILE
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import NO_LANE, Road
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 
 def timing_table(
@@ -50,13 +52,67 @@ def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str
 AROUND_EGO_M = 100.0
 
 
+class _Area(Protocol):
+    """The part of a road on which vehicles count for the ``traffic`` table."""
+
+    def counts(self, truth: pd.DataFrame) -> BoolArray:
+        """Return which rows of a stretch's truth, which comes once and in turn, count, (n,)."""
+
+    def per_km(self, vehicle_steps: int, steps: int) -> float:
+        """Return a number of counted vehicle-steps as vehicles per km."""
+
+
+@dataclass
+class _Section:
+    section_m: tuple[float, float]
+
+    def counts(self, truth: pd.DataFrame) -> BoolArray:
+        return np.asarray(truth["lon_m"].between(*self.section_m).to_numpy() & (truth["lane"].to_numpy() != NO_LANE))
+
+    def per_km(self, vehicle_steps: int, steps: int) -> float:
+        return vehicle_steps / steps / ((self.section_m[1] - self.section_m[0]) / 1e3)
+
+
+@dataclass
+class _LanesAroundEgo:
+    graph: LaneGraph
+    lane_km: float = 0.0  # summed over steps
+
+    def counts(self, truth: pd.DataFrame) -> BoolArray:
+        segments, in_junction = self.graph.segments, self.graph.in_junction
+        open_road = ~in_junction[segments.lane]
+        middle_x = (segments.start_x + 0.5 * segments.length_m * segments.cosine)[open_road]
+        middle_y = (segments.start_y + 0.5 * segments.length_m * segments.sine)[open_road]
+        length_m = segments.length_m[open_road]
+        egos = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")[["lon_m", "lat_m"]]
+        for ego_x, ego_y in egos.to_numpy(dtype=np.float64):
+            inside = np.hypot(middle_x - ego_x, middle_y - ego_y) <= AROUND_EGO_M
+            self.lane_km += float(length_m[inside].sum()) / 1e3
+        away_m = truth[["lon_m", "lat_m"]].to_numpy() - egos.reindex(truth["step"]).to_numpy()
+        lane = truth["lane"].to_numpy(dtype=np.int64)
+        near = np.hypot(*away_m.T) <= AROUND_EGO_M
+        return np.asarray(near & (lane != NO_LANE) & ~np.append(in_junction, False)[lane - 1])
+
+    def per_km(self, vehicle_steps: int, steps: int) -> float:  # noqa: ARG002
+        return vehicle_steps / self.lane_km if self.lane_km else 0.0
+
+
+@singledispatch
+def _area_of(road: Road) -> _Area:
+    return _Section(road.section_m)
+
+
+@_area_of.register
+def _(road: LaneGraphRoad) -> _Area:
+    return _LanesAroundEgo(road.graph)
+
+
 @dataclass
 class TrafficSums:
     """Sums for the ``traffic`` table over a run that is processed part by part.
 
     Attributes:
         in_range: Vehicle-steps within the sensor's range, without the ego.
-        lane_km: In the plane, sum over steps of the length of lanes around the ego, paths across junctions left out.
     """
 
     road: Road
@@ -64,41 +120,19 @@ class TrafficSums:
     in_range: float = 0.0
     inside: int = 0
     speed_mps: float = 0.0
-    lane_km: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Choose where vehicles count."""
+        self._area = _area_of(self.road)
 
     def add(self, truth: pd.DataFrame) -> None:
         """Add the truth of a stretch."""
-        if self.road.graph is not None:
-            self._add_around_ego(truth, self.road.graph)
-            return
-        start, end = self.road.section_m
-        on_lane = truth["lane"].to_numpy() != NO_LANE
-        speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[truth["lon_m"].between(start, end).to_numpy() & on_lane]
+        speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[self._area.counts(truth)]
         self.steps += truth["step"].nunique()
         self.inside += len(speeds)
         self.speed_mps += float(speeds.sum())
         if "is_ego" in truth:
             self.in_range += float(truth["in_range"][~truth["is_ego"].to_numpy(dtype=bool)].sum())
-
-    def _add_around_ego(self, truth: pd.DataFrame, graph: LaneGraph) -> None:
-        egos = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")
-        ego = egos.reindex(truth["step"])
-        x, y = (truth[name].to_numpy(dtype=np.float64) for name in ("lon_m", "lat_m"))
-        away = np.hypot(x - ego["lon_m"].to_numpy(), y - ego["lat_m"].to_numpy())
-        lane = truth["lane"].to_numpy(dtype=np.int64)
-        counts = (away <= AROUND_EGO_M) & (lane != NO_LANE) & ~np.append(graph.in_junction, False)[lane - 1]
-        self.steps += len(egos)
-        self.inside += int(counts.sum())
-        self.speed_mps += float(truth["speed_mps"].to_numpy(dtype=np.float64)[counts].sum())
-        self.in_range += float(truth["in_range"][~truth["is_ego"].to_numpy(dtype=bool)].sum())
-        segments = graph.segments
-        open_road = ~graph.in_junction[segments.lane]
-        middle_x = (segments.start_x + 0.5 * segments.length_m * segments.cosine)[open_road]
-        middle_y = (segments.start_y + 0.5 * segments.length_m * segments.sine)[open_road]
-        length_m = segments.length_m[open_road]
-        for ego_x, ego_y in egos[["lon_m", "lat_m"]].to_numpy(dtype=np.float64):
-            inside = np.hypot(middle_x - ego_x, middle_y - ego_y) <= AROUND_EGO_M
-            self.lane_km += float(length_m[inside].sum()) / 1e3
 
     def summary(self) -> dict[str, float]:
         """Return density (per km and main lane), flow (all lanes) and speed over section and time, after Edie (1963).
@@ -108,27 +142,15 @@ class TrafficSums:
         where they are on a lane: those on ramps are left out. In the plane the area is that of the lanes within 100 m
         of the ego, paths across junctions left out, and the flow is that of a mean lane.
         """
-        if self.road.graph is not None:
-            return self._summary_around_ego()
         start, end = self.road.section_m
         main_lanes = sum(1 for lane in self.road.lanes if lane.start_m <= start and lane.end_m >= end)
-        if not self.steps or not self.inside:
+        vehicles_per_km = self._area.per_km(self.inside, self.steps) if self.inside else 0.0
+        if not vehicles_per_km:
             return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
-        vehicles_per_km = self.inside / self.steps / ((end - start) / 1e3)
         mean_speed = self.speed_mps / self.inside
         return {
             "density_veh_per_km_lane": vehicles_per_km / max(main_lanes, 1),
             "flow_veh_per_h": vehicles_per_km * mean_speed * 3.6,
-            "mean_speed_mps": mean_speed,
-        }
-
-    def _summary_around_ego(self) -> dict[str, float]:
-        if not self.inside or not self.lane_km:
-            return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
-        density, mean_speed = self.inside / self.lane_km, self.speed_mps / self.inside
-        return {
-            "density_veh_per_km_lane": density,
-            "flow_veh_per_h": density * mean_speed * 3.6,
             "mean_speed_mps": mean_speed,
         }
 

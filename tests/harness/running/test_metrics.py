@@ -10,6 +10,8 @@ from harness.common.numbers import as_json, without_nan
 from harness.running.follow import StageTimes
 from harness.running.metrics import TrafficSums, timing_table
 from mmpf.map.corridor_road import highway
+from mmpf.map.graph_road import LaneGraphRoad
+from tests.mmpf.map.scenes import graph_of
 
 
 def of_traffic(truth: pd.DataFrame) -> TrafficSums:
@@ -52,6 +54,23 @@ def test_vehicles_outside_the_section_do_not_count():
 def test_vehicles_on_a_ramp_beside_the_section_do_not_count():
     table = row_of_cars(64, 10.0)
     assert of_traffic(pd.concat([table, table.assign(lane=0)])).summary() == of_traffic(table).summary()
+
+
+def test_in_the_plane_traffic_is_that_on_lanes_within_100_m_of_the_ego_paths_across_junctions_left_out():
+    lines = {"on": [(10.0 * k, 0.0) for k in range(41)], "over": [(10.0 * k, 50.0) for k in range(41)]}
+    graph = graph_of(lines, [], in_junction=("over",))
+    lon, lat, lane = np.array([[200.0, 0.0, 1], [290.0, 0.0, 1], [301.0, 0.0, 1], [200.0, 50.0, 2], [210.0, 0.0, 0]]).T
+    truth = pd.DataFrame(
+        {"step": 0, "lon_m": lon, "lat_m": lat, "lane": lane, "speed_mps": 5.0, "is_ego": lon + lat == 200.0,
+         "in_range": lon > 200.0}
+    )  # fmt: skip
+    sums = TrafficSums(LaneGraphRoad(graph))
+    for step in (0, 1):
+        sums.add(truth.assign(step=step))
+    # The ego and the car 90 m ahead are on 200 m of lane.
+    assert sums.table() == pytest.approx(
+        {"density_veh_per_km_lane": 10.0, "flow_veh_per_h": 180.0, "mean_speed_mps": 5.0, "vehicles_in_range": 3.0}
+    )
 
 
 def test_real_time_factor_is_simulated_time_over_time_spent():
