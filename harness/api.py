@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 import pandas as pd
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.common.watching import survived
 from harness.config.options import Option, RunOptions, checked, keys_of_options, setting_words
 from harness.grid.options import GridOptions
-from harness.running.resolve import resolve_run_config
+from harness.running.resolve import external_code, resolve_run_config
 from harness.storage.grid_rows import flattened
 from harness.storage.run_folder import read_manifest, read_table
 from mmpf.registry import UnknownNameError
@@ -212,7 +213,11 @@ def run(*, quiet: bool = True, **options: Unpack[RunOptions]) -> Run:
         RunError: The run failed part-way; its finished steps lie in a folder that says so.
         RunInterruptedError: It was stopped; likewise.
     """
-    return Run(make_run(options, _call("run", options), quiet).folder)
+    arguments = options, _call("run", options), quiet
+    with _input_errors():
+        config = _run_config(checked(RunOptions, options, "run"))
+    named = external_code(config, but_tracker=callable(options.get("tracker")))
+    return Run(survived("harness.api:folder_of_run", arguments, named) if named else folder_of_run(*arguments))
 
 
 def open_run(folder: Path | str) -> Run:
@@ -318,6 +323,11 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
         if values["video"] is not None:
             video.write_video(finished.folder, values["video"], values["force"])
         return finished
+
+
+def folder_of_run(options: Mapping[str, object], command: str, quiet: bool) -> Path:
+    """Return the folder of what ``make_run`` makes."""
+    return make_run(options, command, quiet).folder
 
 
 def _run_config(values: Mapping[str, Any]) -> RunConfig:

@@ -1,16 +1,21 @@
-"""Runs a command that loads external code in a child process, and reports in one line if that code ends it."""
+"""Runs work that may load external code in a child process, and reports in one line if that code ends it."""
 
 from __future__ import annotations
 
 import ctypes
 import os
+import pickle
 import re
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib import import_module
 from types import FrameType
+from typing import Any
 
+from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.exit_codes import RUN_FAILED
 from harness.common.isolation import DIES_WITH_PARENT
 from harness.common.signals import CODES
@@ -25,47 +30,132 @@ def code_named(arguments: Sequence[str]) -> list[str]:
 
 
 def watched(arguments: Sequence[str], work: Callable[[], int]) -> int:
-    """Do the work of a command and return its exit code; in a child, in its own group, if the arguments name code.
+    """Do the work of a command in a child, in which this returns too, and return its exit code.
 
-    Signals that end or stop this process are handed on to the child, once each.
+    Code that only an entry point or a file names is loaded without a word that shows it, so every command is watched.
     """
-    named = code_named(arguments)
-    if not named:
-        return work()
-    reading, writing = os.pipe()
-    owner, handed_on = os.getpid(), (*CODES, signal.SIGTSTP)
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, handed_on)
-    child = os.fork()
+    handed_on = (*CODES, signal.SIGTSTP)
+    child, pipe, mask = _fork(handed_on)
     if not child:
-        os.setpgid(0, 0)
-        ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        code = work() if os.getppid() == owner else RUN_FAILED
-        os.write(writing, bytes([code]))
+        code = work()
+        os.write(pipe, pickle.dumps(code))
         return code
-    os.close(writing)
-    with suppress(OSError):
-        os.setpgid(child, child)
+    named = ", ".join(code_named(arguments)) or "a plug-in or a library that the command uses"
+    try:
+        return _told(child, pipe, mask, handed_on, named)
+    except RunError as error:
+        sys.stderr.write(f"error: {error}\n")
+        return RUN_FAILED
+
+
+def survived(function: str, arguments: tuple[object, ...], named: str) -> Any:  # noqa: ANN401
+    """Return what a function returns that a process of its own calls, which is started for it.
+
+    A fork would inherit the locks of threads that the caller may have, and might wait for them for ever.
+
+    Args:
+        function: ``module:attribute``; what it takes and returns goes through ``pickle``.
+        arguments: What it takes.
+        named: The external code that it uses, for messages.
+
+    Raises:
+        InputError: The function raises it.
+        RunInterruptedError: Likewise.
+        RunError: The function raises any other error, or something in it ends the process.
+    """
+    reading, writing = os.pipe()
+    words = [sys.executable, "-c", "from harness.common.watching import answer; answer()", str(writing), function]
+    paths = os.pathsep.join(filter(None, sys.path))
+    with subprocess.Popen(
+        words, stdin=subprocess.PIPE, pass_fds=(writing,), process_group=0, env={**os.environ, "PYTHONPATH": paths}
+    ) as process:
+        os.close(writing)
+        assert process.stdin is not None
+        with suppress(BrokenPipeError), process.stdin as given:
+            given.write(pickle.dumps(arguments))
+        while process.poll() is None:
+            try:
+                process.wait()
+            except KeyboardInterrupt:
+                process.send_signal(signal.SIGINT)
+    found, failure = _read(reading, process.pid, process.returncode, named)
+    if failure is not None:
+        raise failure
+    return found
+
+
+def answer() -> None:
+    """Do the work of the process that ``survived`` starts: call, and tell what came of it."""
+    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+    writing, (module, name) = int(sys.argv[1]), sys.argv[2].split(":")
+    told: tuple[Any, BaseException | None]
+    try:
+        told = getattr(import_module(module), name)(*pickle.load(sys.stdin.buffer)), None
+    except (InputError, RunInterruptedError, KeyboardInterrupt) as error:
+        told = None, error
+    except BaseException as error:  # whatever external code raises
+        told = None, RunError(str(error))
+    os.write(writing, pickle.dumps(told))
+
+
+def _fork(handed_on: Sequence[int]) -> tuple[int, int, set[Any]]:
+    """Return the child, 0 within it, this side's end of a pipe, and the mask of signals: the parent holds some back."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    reading, writing = os.pipe()
+    owner, mask = os.getpid(), signal.pthread_sigmask(signal.SIG_BLOCK, handed_on)
+    child = os.fork()
+    if child:
+        os.close(writing)
+        with suppress(OSError):
+            os.setpgid(child, child)
+        return child, reading, mask
+    os.setpgid(0, 0)
+    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+    if os.getppid() != owner:
+        os._exit(RUN_FAILED)
+    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+    return 0, writing, mask
+
+
+def _told(child: int, pipe: int, mask: set[Any], handed_on: Sequence[int], named: str) -> int:
+    """Wait for a child, hand signals on to it, once each, and return what it told.
+
+    Raises:
+        RunError: It ended without a word.
+    """
 
     def hand_on(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
         with suppress(ProcessLookupError):
             os.kill(child, signal.SIGSTOP if number == signal.SIGTSTP else number)
             if number == signal.SIGTSTP:
-                os.kill(owner, signal.SIGSTOP)
+                os.kill(os.getpid(), signal.SIGSTOP)
                 os.kill(child, signal.SIGCONT)
 
     for number in handed_on:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, hand_on)
-    signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    return int(_read(pipe, child, status, named))
+
+
+def _read(pipe: int, child: int, status: int, named: str) -> Any:  # noqa: ANN401
+    """Return what a child that has ended told, and end what it left behind.
+
+    Raises:
+        RunError: It told nothing.
+    """
     # Forks that the code has left behind end with it.
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(child, signal.SIGKILL)
-    os.set_blocking(reading, False)
-    with suppress(BlockingIOError):
-        if told := os.read(reading, 1):
-            return told[0]
+    os.set_blocking(pipe, False)
+    try:
+        if content := os.read(pipe, 1 << 16):
+            return pickle.loads(content)
+    except BlockingIOError:
+        pass
+    finally:
+        os.close(pipe)
     how = f"crashed it ({signal.Signals(-status).name})" if status < 0 else f"ended it with exit code {status}"
-    sys.stderr.write(f"error: {', '.join(named)}: something in it {how} before the command was done; fix it\n")
-    return RUN_FAILED
+    raise RunError(f"{named}: something in it {how} before the work was done; fix it")

@@ -15,11 +15,15 @@ from harness.common.untrusted_files import checked_path
 from harness.config.consent import check_modules
 from harness.config.layers import config_from_table, leaves, merged, parameter_of, table_of_file
 from harness.config.model import RunConfig, SensorConfig, brings_its_own_demand
-from harness.sensor.profiles import has_all_figures, is_built_in, sensor_settings
+from harness.decisions.drivers.protocol import drivers
+from harness.sensor.profiles import has_all_figures, is_built_in, sensor_profiles, sensor_settings
 from harness.storage import run_folder as runfolder
+from harness.trackers.catalogue import trackers
 from harness.truth.network.demand import DEFAULT_DENSITY
 from harness.truth.network.network import default_demand
 from harness.truth.recorded.formats import example, network_of, recognise
+from harness.truth.recorded.outside import recording_formats
+from mmpf.motion.protocol import motion_models
 
 
 def resolve_run_config(
@@ -129,3 +133,21 @@ def write_config(config: RunConfig, path: Path) -> None:
         figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
         table["sensor"] = {"profile": config.sensor.profile} | figures.model_dump(exclude_none=True)
     write_text(path, tomli_w.dumps(table))
+
+
+def external_code(config: RunConfig, *, but_tracker: bool) -> str:
+    """Return the names in a run's configuration whose code is not part of this program, for messages.
+
+    Args:
+        config: The configuration.
+        but_tracker: Whether the tracker's name says nothing, as where the caller hands over its factory.
+    """
+    recording = config.traffic.recording
+    named = (
+        (trackers, None if but_tracker else config.tracker.name),
+        (motion_models, config.tracker.model),
+        (sensor_profiles, config.sensor.profile),
+        (drivers, config.decisions.driver),
+        (recording_formats, recording.format if recording is not None else None),
+    )
+    return ", ".join(name for registry, name in named if name and registry.is_outside(name))

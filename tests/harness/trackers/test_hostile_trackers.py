@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,8 +12,10 @@ import time
 import pandas as pd
 import pytest
 
+import harness
 from harness.commands.app import run_command_line
 from tests.harness.recorded_scene import write_recorded_scene
+from tests.harness.test_plug_ins import install
 
 TRACKS = "replace(Tracks.none(), **{n: np.ones(1, k) for n, k in COLUMNS})"
 MODULE = """
@@ -94,9 +97,10 @@ def test_a_tracker_changes_neither_what_is_recorded_nor_the_road_that_is_scored(
     assert (scene / "road.json").read_text() == (tmp_path / "out" / "road.json").read_text()
 
 
-def started(folder, scene, step):
+def started(folder, scene, step, name="bad:make"):
     (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make="pass"))
-    words = ["run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", str(folder / "out")]
+    install(folder, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
+    words = ["run", "--replay", str(scene), "--tracker", name, "--quiet", "--out", str(folder / "out")]
     paths = os.pathsep.join((str(folder), *filter(None, sys.path)))
     env = {**os.environ, "PYTHONPATH": paths}
     return subprocess.Popen(
@@ -124,6 +128,30 @@ def test_a_tracker_that_ends_the_process_is_one_line(step, tmp_path, scene):
     assert ENDS[step] in told[-1]
     assert sum(line.startswith("error:") for line in told) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_tracker_of_a_package_that_ends_the_process_is_one_line(tmp_path, scene):
+    process = started(tmp_path, scene, "os._exit(0)", "bad-one")
+    (line,) = process.communicate(timeout=120)[1].splitlines()
+    assert process.returncode == 3
+    assert line.startswith("error: a plug-in or a library that the command uses: something in it ended it with")
+
+
+@pytest.mark.parametrize(
+    ("step", "told", "name"),
+    [(*end, "bad-one") for end in ENDS.items()] + [("raise KeyError('x')", "KeyError: 'x'", "bad:make")],
+)
+def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_there(
+    step, told, name, tmp_path, scene, monkeypatch
+):
+    (tmp_path / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make="pass"))
+    install(tmp_path, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "bad", raising=False)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(harness.RunError, match=re.escape(told)):
+        harness.run(replay=scene, tracker=name, out=tmp_path / "out")
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 @pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
