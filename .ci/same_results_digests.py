@@ -27,7 +27,7 @@ MASKS = tuple(
         (r"\b\d[\d.]* ?ms\b", "(ms)"),
         (r"open [\d.]+ s, loop [\d.]+ s[^<\n]*", "(wall times)"),
         (r"\b[0-9a-f]{40}(-dirty)?\b", "(revision)"),
-        (r"\bcode_sha256\b[^}]*\}", "(digests of the code)"),
+        (r"\b(code|files)_sha256\b[^}]*\}", "(digests)"),
     )
 )
 # Columns of wall times in the tables of texts and pages, and charts of them.
