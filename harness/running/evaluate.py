@@ -207,7 +207,16 @@ def write_run(
     command: str,
     inputs: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the folder of a run that is in memory, without pictures; half a folder is none."""
+    """Write the folder of a run that is in memory, without pictures; half a folder is none.
+
+    Args:
+        folder: The folder.
+        evaluated: What the run gave.
+        metrics: Content of its ``metrics.json``.
+        config: Its configuration.
+        command: What makes it again.
+        inputs: SHA-256 of each input file.
+    """
     (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
     (folder / runfolder.MANIFEST).unlink(missing_ok=True)
     ownership.claim(folder, ownership.RUN)

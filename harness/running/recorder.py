@@ -27,7 +27,13 @@ STRETCH_ROWS = 300_000
 
 @dataclass(frozen=True)
 class RunTables:
-    """The tables of a run; ``truth_id`` of a detection is empty for clutter."""
+    """The tables of a run; ``truth_id`` of a detection is empty for clutter.
+
+    Attributes:
+        truth: One row per vehicle and step.
+        detections: One row per detection; ``truth_id`` is empty for clutter.
+        tracks: One row per track and step.
+    """
 
     truth: pd.DataFrame
     detections: pd.DataFrame

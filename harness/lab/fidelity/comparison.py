@@ -70,7 +70,17 @@ class Period:
 
 @dataclass(frozen=True)
 class Distance:
-    """How far apart two distributions are, by Wasserstein's distance; of a rate, the difference."""
+    """How far apart two distributions are, by Wasserstein's distance; of a rate, the difference.
+
+    Attributes:
+        quantity: What is distributed.
+        unit: Its unit, the distance's too.
+        distance: Wasserstein distance; for a rate, the difference.
+        simulated_mean: Mean of the simulated samples.
+        measured_mean: Mean of the recorded ones.
+        simulated_n: Number of simulated samples.
+        measured_n: Number of recorded ones.
+    """
 
     quantity: str
     unit: str

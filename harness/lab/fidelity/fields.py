@@ -32,7 +32,15 @@ FIELD_FILES = {
 
 @dataclass(frozen=True)
 class Fields:
-    """Traffic on cells of road and time, each array of shape (cells, bins), row 0 upstream, all lanes together."""
+    """Traffic on cells of road and time, each array of shape (cells, bins), row 0 upstream, all lanes together.
+
+    Attributes:
+        speed_mps: Space-mean speed; nan where no vehicle was.
+        flow_veh_per_s: Flow.
+        density_veh_per_m: Density.
+        cell_m: Length of a cell.
+        bin_s: Duration of a cell.
+    """
 
     speed_mps: FloatArray
     flow_veh_per_s: FloatArray

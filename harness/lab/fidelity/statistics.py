@@ -50,7 +50,12 @@ class PeriodStatistics:
 
 
 def period_statistics(pieces: Sequence[Fields], lanes: int = MAIN_LANES) -> PeriodStatistics:
-    """Return the figures of one period."""
+    """Return the figures of one period.
+
+    Args:
+        pieces: Fields of the period: one if it was recorded, one for each seed if it was simulated.
+        lanes: Number of main lanes.
+    """
     flow = np.concatenate([piece.flow_veh_per_s for piece in pieces], axis=1)
     density = np.concatenate([piece.density_veh_per_m for piece in pieces], axis=1)
     speed = np.concatenate([piece.speed_mps for piece in pieces], axis=1)

@@ -57,7 +57,13 @@ CASES, PARTICLES = 150, 100
 
 @dataclass(frozen=True)
 class RegimeError:
-    """Position errors of one traffic regime, complete occlusion: mean absolute ones at 1, 2, 5 and 10 s."""
+    """Position errors of one traffic regime, complete occlusion: mean absolute ones at 1, 2, 5 and 10 s.
+
+    Attributes:
+        regime: Name of the regime.
+        cases: Number of windows.
+        lon_m: Mean absolute error at 1, 2, 5 and 10 s.
+    """
 
     regime: str
     cases: int

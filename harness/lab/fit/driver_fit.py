@@ -53,6 +53,13 @@ def fit_follower(
     """Fit the learned driver's following mixture and its drivers' habits.
 
     The mixture is fitted to recovery samples, then once more with what it demonstrated itself.
+
+    Args:
+        windows: Training windows; those without a leader are left out.
+        components: Components of the following mixture.
+        seed: Seed of sampling and of the fits.
+        step_s: Time between steps.
+        progress: Told one line per stage.
     """
     rng = np.random.default_rng(seed)
     led = windows.take(np.flatnonzero(windows.has_leader))

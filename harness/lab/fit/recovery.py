@@ -27,7 +27,13 @@ KEEP_EVERY_STEP = 3
 
 @dataclass(frozen=True)
 class RecoveryGains:
-    """How the way back to the recorded trajectory is demonstrated: accelerations per metre and per m/s astray."""
+    """How the way back to the recorded trajectory is demonstrated: accelerations per metre and per m/s astray.
+
+    Attributes:
+        position_per_s2: Acceleration asked for per metre astray.
+        speed_per_s: Acceleration asked for per m/s astray.
+        lag_per_s: Rate at which acceleration approaches what is asked for.
+    """
 
     position_per_s2: float = 0.05
     speed_per_s: float = 0.4

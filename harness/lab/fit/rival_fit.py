@@ -50,7 +50,13 @@ Adaptive = tuple[IdmParameters, Adaptation]
 
 
 def fit_idm(windows: CarFollowing, seed: int, step_s: float) -> IdmParameters:
-    """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length."""
+    """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length.
+
+    Args:
+        windows: Training windows; those without a leader are left out.
+        seed: Seed of the choice of windows and of the search.
+        step_s: Time between steps.
+    """
     found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
     return _driver(found)
 

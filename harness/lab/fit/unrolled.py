@@ -174,7 +174,13 @@ class _StepCache:
 
 
 def score_and_gradient(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[float, Weights]:
-    """Return the score of the particles and its gradient with respect to the weights."""
+    """Return the score of the particles and its gradient with respect to the weights.
+
+    Args:
+        weights: The network's weights by name, the lag as its logit.
+        scaling: A network of which the scaling is taken.
+        rollouts: What is rolled out.
+    """
     place, speed, tape = _roll(weights, scaling, rollouts)
     steps = SCORED_STEPS[len(place) > SCORED_STEPS]
     by_place, by_speed = np.zeros_like(place), np.zeros_like(speed)

@@ -62,7 +62,16 @@ def run_study(
     seed: int,
     progress: Callable[[], None],
 ) -> StudyResult:
-    """Follow every case with every model under every occlusion; all models get the same measurements."""
+    """Follow every case with every model under every occlusion; all models get the same measurements.
+
+    Args:
+        study: Name of the study.
+        cases: The cases.
+        models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
+        particles: Particles per case.
+        seed: Seed of measurements and particles.
+        progress: Called after each model and occlusion.
+    """
     noise = MeasurementNoise()
     measurements = measure(cases, noise, np.random.default_rng([seed, 1]))
     shown = _most_eventful(cases)

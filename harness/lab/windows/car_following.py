@@ -80,6 +80,12 @@ def following_windows(recording: Recording, road: Road, steps: int, step_s: floa
 
     A window's vehicle changes no lane within the window nor in the five seconds before and after it; a leader further
     than 100 m ahead counts as none, and windows in which one comes or goes are left out.
+
+    Args:
+        recording: Recorded traffic.
+        road: Where the lanes are.
+        steps: Length of a window in steps.
+        step_s: Time between steps.
     """
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     leader = _leader_rows(recording)[by_vehicle]

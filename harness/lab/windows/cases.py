@@ -47,7 +47,15 @@ class Cases:
 def following_cases(
     windows: CarFollowing, count: int, step_s: float, rng: np.random.Generator, led_only: bool = True
 ) -> Cases:
-    """Choose windows, at most one of each vehicle, for the lane-keeping study."""
+    """Choose windows, at most one of each vehicle, for the lane-keeping study.
+
+    Args:
+        windows: Held-out windows.
+        count: How many to choose; fewer if there are fewer.
+        step_s: Time between steps.
+        rng: Source of randomness.
+        led_only: Whether windows without a leader are left out.
+    """
     order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
     _, first = np.unique(windows.vehicle[order], return_index=True)
     return cases_of(windows.take(order[np.sort(first)[:count]]), step_s)

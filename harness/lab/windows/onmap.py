@@ -44,7 +44,12 @@ class OnMap:
 
 
 def on_map(recording: Recording, graph: LaneGraph) -> OnMap:
-    """Lay recorded traffic onto the lanes of the map that it was recorded on."""
+    """Lay recorded traffic onto the lanes of the map that it was recorded on.
+
+    Args:
+        recording: Traffic whose positions are x and y, and whose lanes are numbered from 1 as in the graph.
+        graph: The lanes.
+    """
     order = np.lexsort((recording.step, recording.vehicle))
     order = order[recording.lane[order] > 0]
     lane, vehicle, step = recording.lane[order] - 1, recording.vehicle[order], recording.step[order]
