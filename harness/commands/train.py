@@ -35,6 +35,16 @@ class Options(TypedDict):
             "lane-change: 1000:1003)"
         ),
     ]
+    densities: Annotated[
+        str | None,
+        Option(
+            "Densities of that traffic, vehicles per km and lane: 20,40 or 8:57:7. (default: 8 to 57 in steps of 7)"
+        ),
+    ]
+    duration: Annotated[
+        float | None,
+        Option("Seconds of traffic for each seed and density. (default: 200)", metavar="SECONDS", least=10),
+    ]
     seed: Annotated[int, Option("Seed for sampling and for fitting the mixture.", default=0, least=0)]
     sweep: Annotated[
         bool,

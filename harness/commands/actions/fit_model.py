@@ -9,11 +9,22 @@ from typing import Any
 import typer
 
 from harness.common.errors import InputError
-from harness.config.lists import seed_values
+from harness.config.lists import numbers, seed_values
 from harness.lab.fit.train import EMPIRICAL, RECURRENT, RESIDUAL, TrainingPlan, train
 from harness.lab.fit.turning_fit import ON_NETWORKS, TURNING, train_turning
-from harness.lab.windows.scenarios import FIRST_TRAINING_SEED
+from harness.lab.windows.scenarios import DENSITIES_VEH_PER_KM_LANE, FIRST_TRAINING_SEED, TRAINING_DURATION_S
+from harness.storage.schema import DENSITY_RANGE
 from harness.truth.network.network import load_network
+
+
+def _densities(text: str | None) -> tuple[float, ...]:
+    if text is None:
+        return DENSITIES_VEH_PER_KM_LANE
+    found = numbers(text, "densities", "20,40")
+    for density in found:
+        if not DENSITY_RANGE[0] <= density <= DENSITY_RANGE[1]:
+            raise InputError(f"`densities` {density:g}: give {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}")
+    return found
 
 
 def fit_model(options: Mapping[str, Any]) -> None:
@@ -33,6 +44,9 @@ def fit_model(options: Mapping[str, Any]) -> None:
 
     if case in (TURNING, RESIDUAL, RECURRENT, EMPIRICAL) and options["components"] is not None:
         raise InputError(f"`components`: the case {case} fits no mixture; leave it out")
+    for name in ("densities", "duration"):
+        if case == TURNING and options[name] is not None:
+            raise InputError(f"`{name}`: the case {TURNING} takes the demands of its networks; leave it out")
     if case == TURNING:
         networks = [load_network(name) for name in (options["net"] or ON_NETWORKS).split(",")]
         paths = [train_turning(networks, traffic, options["cache"], options["out"], say)]
@@ -40,6 +54,8 @@ def fit_model(options: Mapping[str, Any]) -> None:
         plan = TrainingPlan(
             *(case, options["components"], first, count, options["seed"], options["sweep"]),
             *(options["cache"], options["out"]),
+            _densities(options["densities"]),
+            options["duration"] or TRAINING_DURATION_S,
         )
         network = load_network(options["net"] or "us101")
         _ = network.main_road  # which the cases are recorded along

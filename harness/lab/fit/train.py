@@ -69,6 +69,8 @@ class TrainingPlan:
     Attributes:
         case: One of ``CASES``.
         sweep: Whether other numbers of components are scored by BIC.
+        densities: Vehicles per kilometre and lane at which each seed is recorded, for held-out traffic too.
+        duration_s: Length of each recording to train on.
     """
 
     case: str
@@ -79,6 +81,8 @@ class TrainingPlan:
     sweep: bool
     cache: Path | None
     out: Path
+    densities: tuple[float, ...] = DENSITIES_VEH_PER_KM_LANE
+    duration_s: float = TRAINING_DURATION_S
 
     @property
     def size(self) -> int:
@@ -94,8 +98,8 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     """
     if plan.case not in CASES:
         raise InputError(f"`case` {plan.case}: no such case; give {', '.join(CASES)} or turning")
-    for_training = scenarios(plan.first_seed, plan.seeds, TRAINING_DURATION_S)
-    for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_SEEDS, TUNING_DURATION_S)
+    for_training = scenarios(plan.first_seed, plan.seeds, plan.duration_s, plan.densities)
+    for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_SEEDS, TUNING_DURATION_S, plan.densities)
     training, tuning = (record_scenarios(network, wanted, plan.cache, say) for wanted in (for_training, for_tuning))
     plan.out.mkdir(parents=True, exist_ok=True)
     if plan.case == LANE_CHANGE:
@@ -260,18 +264,22 @@ def _keeping_sweeps(
 
 def _facts(plan: TrainingPlan, net: Network, samples: int, used: int) -> dict[str, str]:
     beyond, held_beyond = plan.first_seed + plan.seeds, FIRST_TUNING_SEED + TUNING_SEEDS
-    densities = ", ".join(f"{density:g}" for density in DENSITIES_VEH_PER_KM_LANE)
+    densities = ", ".join(f"{density:g}" for density in plan.densities)
     mixture, options = {}, ""
     if plan.case in PAPER_COMPONENTS:
         paper = f"the paper's setting is {PAPER_COMPONENTS[plan.case]}, kept for comparison and speed"
         mixture = {"Components": f"{plan.size} ({paper}), full covariances"}
         mixture |= {"Sweep": f"{SWEEP_SAMPLES} samples, {SWEEP_ITERATIONS} EM iterations"} if plan.sweep else {}
         options = f" --components {plan.size}{'' if plan.sweep else ' --no-sweep'}"
+    if plan.densities != DENSITIES_VEH_PER_KM_LANE:
+        options += f" --densities {densities.replace(', ', ',')}"
+    if plan.duration_s != TRAINING_DURATION_S:
+        options += f" --duration {plan.duration_s:g}"
     return {
         "Command": f"`python -m harness train --net {net.name} --case {plan.case} "
         f"--seeds {plan.first_seed}:{beyond} --seed {plan.seed}{options}`",
         TRAFFIC: traffic_version(net),
-        "Data": f"SUMO, of each seed {TRAINING_DURATION_S:g} s at each of {densities} vehicles per km and lane",
+        "Data": f"SUMO, of each seed {plan.duration_s:g} s at each of {densities} vehicles per km and lane",
         "Seeds": f"trained on {plan.first_seed} to {beyond - 1}; held out {FIRST_TUNING_SEED} to {held_beyond - 1}",
         "Samples": f"{samples} extracted, {used} of them with a leader or around a lane change",
         **mixture,

@@ -19,10 +19,12 @@ TUNING_DURATION_S = 100.0
 REPORTING_DURATION_S = 60.0
 
 
-def scenarios(first_seed: int, count: int, duration_s: float) -> list[Scenario]:
+def scenarios(
+    first_seed: int, count: int, duration_s: float, densities: Sequence[float] = DENSITIES_VEH_PER_KM_LANE
+) -> list[Scenario]:
     """Return scenarios of ``count`` seeds, each at every density."""
     seeds = range(first_seed, first_seed + count)
-    return [Scenario(density, seed, duration_s) for seed in seeds for density in DENSITIES_VEH_PER_KM_LANE]
+    return [Scenario(density, seed, duration_s) for seed in seeds for density in densities]
 
 
 def traffic_version(network: Network) -> str:

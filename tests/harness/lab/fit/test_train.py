@@ -45,11 +45,10 @@ def test_a_card_names_the_best_size_and_the_limits(tmp_path):
 def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
     for name, value in (("FOLLOWING_SAMPLES", 2000), ("SHORT_SAMPLES", 2000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
-    for name, value in (("TRAINING_DURATION_S", 30.0), ("TUNING_DURATION_S", 30.0)):
-        monkeypatch.setattr(train, name, value)
-    monkeypatch.setattr("harness.lab.windows.scenarios.DENSITIES_VEH_PER_KM_LANE", (8.0, 22.0))
+    monkeypatch.setattr(train, "TUNING_DURATION_S", 30.0)
     monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
-    plan = TrainingPlan("lane-keeping", 4, 1000, 1, 0, False, tmp_path / "cache", tmp_path / "models")
+    places = tmp_path / "cache", tmp_path / "models"
+    plan = TrainingPlan("lane-keeping", 4, 1000, 1, 0, False, *places, densities=(8.0, 22.0), duration_s=40.0)
     said: list[str] = []
     paths = train.train(plan, load_network("us101"), said.append)
     assert load_learned_driver(paths[0]).model.follower.following.mixture.inputs == 6
@@ -57,13 +56,30 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     again = train.train(plan, load_network("us101"), said.append)
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
     assert sum(line.startswith("recorded") for line in said) == 4
-    assert "following" in (tmp_path / "models" / "lane_keeping.md").read_text()
+    card = (tmp_path / "models" / "lane_keeping.md").read_text()
+    assert "following" in card
+    assert "of each seed 40 s at each of 8, 22 vehicles" in card
+    assert "--no-sweep --densities 8,22 --duration 40" in card
     assert np.isfinite(load_learned_driver(paths[0]).model.follower.following.mixture.means).all()
 
 
 def test_training_on_turns_needs_networks_in_the_plane(capsys):
     assert run_command_line(["train", "--case", "turning", "--net", "us101"]) == 2
     assert "--net us101: give networks in the plane" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--densities", "20,200"], "--densities 200: give 5 to 65"),
+        (["--densities", "20,20"], "a value stands there twice"),
+        (["--case", "turning", "--duration", "60"], "takes the demands of its networks"),
+    ],
+)
+def test_traffic_that_cannot_be_trained_on_is_one_line(words, told, capsys):
+    assert run_command_line(["train", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
 
 
 @pytest.mark.parametrize("case", ["turning", "residual", "recurrent", "empirical"])
