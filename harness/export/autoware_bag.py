@@ -21,7 +21,7 @@ from mcap_ros2.writer import Writer
 from harness.export.sizes import NOMINAL_M, SIZE, track_sizes
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray, turned
 
 FILE, MAP, EGO = "autoware.mcap", "map", "base_link"
 PACKAGE = "autoware_perception_msgs"
@@ -131,11 +131,10 @@ def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
 
 def _of_truth(run: RecordedRun, others: pd.DataFrame) -> list[Message]:
     number = np.unique(others["vehicle_id"].to_numpy(dtype=np.str_), return_inverse=True)[1]
-    if not run.road.has_headings:  # the tables tell rates along the road
-        turn, along, across = (floats(others, name) for name in ("heading_rad", "speed_mps", "lat_speed_mps"))
-        cosine, sine = np.cos(turn), np.sin(turn)
-        rates = {"speed_mps": along * cosine + across * sine, "lat_speed_mps": across * cosine - along * sine}
-        others = others.assign(**rates)
+    turn, along, across = (floats(others, name) for name in ("heading_rad", "speed_mps", "lat_speed_mps"))
+    # The tables tell rates along the road, or along each vehicle where there is no single one.
+    along, across = turned(along, across, turn - run.road.axis_of(turn))
+    others = others.assign(speed_mps=along, lat_speed_mps=across)
     return _objects(run, others, np.column_stack([0 * number, number]), others[SIZE].to_numpy(float), AVAILABLE)
 
 

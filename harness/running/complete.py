@@ -14,7 +14,7 @@ from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OU
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, turned
 
 EGO_SIZE_M = 4.8, 1.8
 STD_DETECTION_M = 0.5
@@ -76,9 +76,7 @@ def _complete_motion(rows: pd.DataFrame, road: Road) -> None:
     """Fill in headings, speeds and accelerations that are not there, from places; in the plane along the heading."""
     lon_speed, lat_speed = (slope_of(rows, name) for name in ("lon_m", "lat_m"))
     rows["heading_rad"] = filled(rows, "heading_rad", np.arctan2(lat_speed, lon_speed))
-    if road.has_headings:
-        cosine, sine = np.cos(rows["heading_rad"].to_numpy()), np.sin(rows["heading_rad"].to_numpy())
-        lon_speed, lat_speed = lon_speed * cosine + lat_speed * sine, lat_speed * cosine - lon_speed * sine
+    lon_speed, lat_speed = turned(lon_speed, lat_speed, road.axis_of(rows["heading_rad"].to_numpy()))
     rows["speed_mps"] = filled(rows, "speed_mps", lon_speed)
     rows["lat_speed_mps"] = filled(rows, "lat_speed_mps", lat_speed)
     rows["accel_mps2"] = filled(rows, "accel_mps2", slope_of(rows, "speed_mps"))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -52,18 +52,10 @@ def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str
 AROUND_EGO_M = 100.0
 
 
-class _Area(Protocol):
-    """The part of a road on which vehicles count for the ``traffic`` table."""
-
-    def counts(self, truth: pd.DataFrame) -> BoolArray:
-        """Return which rows of a stretch's truth, which comes once and in turn, count, (n,)."""
-
-    def per_km(self, vehicle_steps: int, steps: int) -> float:
-        """Return a number of counted vehicle-steps as vehicles per km."""
-
-
 @dataclass
 class _Section:
+    """Where vehicles count for the ``traffic`` table on a single road."""
+
     section_m: tuple[float, float]
 
     def counts(self, truth: pd.DataFrame) -> BoolArray:
@@ -75,6 +67,8 @@ class _Section:
 
 @dataclass
 class _LanesAroundEgo:
+    """Where they count in the plane; a stretch comes once."""
+
     graph: LaneGraph
     lane_km: float = 0.0  # summed over steps
 
@@ -98,12 +92,12 @@ class _LanesAroundEgo:
 
 
 @singledispatch
-def _area_of(road: Road) -> _Area:
+def _area_of(road: Road) -> _Section | _LanesAroundEgo:
     return _Section(road.section_m)
 
 
 @_area_of.register
-def _(road: LaneGraphRoad) -> _Area:
+def _(road: LaneGraphRoad) -> _Section | _LanesAroundEgo:
     return _LanesAroundEgo(road.graph)
 
 
