@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +46,9 @@ class LoggedRun:
         }
         tags = {key: f"{value:g}" if isinstance(value, float) else str(value) for key, value in about.items()}
         tags = {key: value for key, value in tags.items() if value not in ("None", "nan", "")}
-        name = "-".join(tags[key] for key in ("net", "variant", "tracker", "model", DENSITY) if key in tags)
-        return cls(f"{name}-s{tags.get(SEED, '')}", numbers, tags, {key: str(value) for key, value in settings.items()})
+        words = (tags[key] for key in ("net", "variant", "tracker", "model", DENSITY) if key in tags)
+        name = f"{'-'.join(dict.fromkeys(words))}-s{tags.get(SEED, '')}"
+        return cls(name, numbers, tags, {key: str(value) for key, value in settings.items()})
 
 
 def logged_runs(folder: Path) -> list[LoggedRun]:
@@ -66,7 +67,7 @@ def logged_runs(folder: Path) -> list[LoggedRun]:
     rows = runfolder.read_table(folder, RUNS, "folder", (SEED, "succeeded")).to_dict("records")
     axes = {word.partition("=")[0] for key, word in asked.items() if key.startswith("vary.")}
     told = TEXT_COLUMNS | {DENSITY, SEED, "succeeded"} | axes
-    return [
+    runs = [
         LoggedRun.of(
             {str(key): value for key, value in row.items() if key not in told},
             {str(key): value for key, value in row.items() if key in told},
@@ -74,6 +75,14 @@ def logged_runs(folder: Path) -> list[LoggedRun]:
         )
         for row in rows
     ]
+    # What else was varied need not be in a name, but a name is of one run.
+    earlier = [sum(other.name == run.name for other in runs[:place]) for place, run in enumerate(runs)]
+    return [replace(run, name=f"{run.name}-{n + 1}") if n else run for run, n in zip(runs, earlier, strict=True)]
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return the files that an export has written into its folder, without those of this program's own."""
+    return sorted(path for path in folder.rglob("*") if path.is_file() and path.name[0] != ".")
 
 
 def register(folder: Path, store: str, runs: Mapping[str, str]) -> Path:

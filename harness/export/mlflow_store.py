@@ -11,8 +11,10 @@ from pathlib import Path
 
 from mlflow import MlflowClient
 from mlflow.entities import Metric, Param, RunTag
+from mlflow.exceptions import MlflowException
 
-from harness.export.experiments import PAGE, LoggedRun, logged_runs, register
+from harness.common.errors import InputError
+from harness.export.experiments import PAGE, LoggedRun, files_in, logged_runs, register
 from harness.export.packing import target_of
 
 ADDRESS, STORE, ARTIFACTS = "MLFLOW_TRACKING_URI", "mlflow.db", "artifacts"
@@ -32,11 +34,15 @@ def export(results: Path, folder: Path) -> list[Path]:
     """
     name, runs, page = results.resolve().name, logged_runs(results), results / PAGE
     if address := os.environ.get(ADDRESS):
-        client = MlflowClient(address)
-        known = client.get_experiment_by_name(name)
-        ids = _log(client, known.experiment_id if known else client.create_experiment(name), runs)
-        for number in ids.values() if page.is_file() else ():
-            client.log_artifact(number, str(page))
+        try:
+            client = MlflowClient(address)
+            known = client.get_experiment_by_name(name)
+            ids = _log(client, known.experiment_id if known else client.create_experiment(name), runs)
+            for number in ids.values() if page.is_file() else ():
+                client.log_artifact(number, str(page))
+        except MlflowException as error:
+            problem = " ".join(str(error).split())[:200]
+            raise InputError(f"`to` mlflow: {ADDRESS}={address}: {problem}; is it a store of MLflow?") from None
         return [register(folder, address, ids)]
     # The store tells where artifacts are by full paths, and the folder is about to be moved to its place.
     final = target_of(folder).resolve()
@@ -50,7 +56,7 @@ def export(results: Path, folder: Path) -> list[Path]:
         own.mkdir(parents=True)
         shutil.copyfile(page, own / PAGE)
     register(folder, f"sqlite:///{final / STORE}", ids)
-    return sorted(path for path in folder.rglob("*") if path.is_file())
+    return files_in(folder)
 
 
 def _log(client: MlflowClient, experiment: str, runs: Sequence[LoggedRun]) -> dict[str, str]:

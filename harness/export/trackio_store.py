@@ -13,7 +13,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from harness.export.experiments import PAGE, LoggedRun, logged_runs, register
+from harness.common.errors import InputError
+from harness.export.experiments import PAGE, LoggedRun, files_in, logged_runs, register
 from harness.export.packing import target_of
 
 PLACE, ELSEWHERE = "TRACKIO_DIR", ("TRACKIO_SPACE_ID", "TRACKIO_SERVER_URL")
@@ -27,9 +28,11 @@ def export(results: Path, folder: Path) -> list[Path]:
     page = results / PAGE
     # Trackio learns when it is imported where its store is, so a process of its own logs the runs.
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        pool.submit(_log, Path(place or folder).resolve(), name, runs, page if page.is_file() else None).result()
+        logging = pool.submit(_log, Path(place or folder).resolve(), name, runs, page if page.is_file() else None)
+    if (error := logging.exception()) is not None:
+        raise InputError(f"`to` trackio: {place or results}: {' '.join(str(error).split())[:200]}") from None
     file = register(folder, place or str(target_of(folder).resolve()), {run.name: name for run in runs})
-    return [file, *(path for path in folder.rglob("*") if path.is_file() and not place)]
+    return [file] if place else files_in(folder)
 
 
 def _log(place: Path, project: str, runs: Sequence[LoggedRun], page: Path | None) -> None:

@@ -30,7 +30,7 @@ def looks_of_bag(path: Path, config: RunConfig) -> Looks:
     """
     recording = config.traffic.recording
     assert recording is not None
-    if recording.ego not in (EGO, "auto"):
+    if recording.ego not in (EGO, "auto", "each"):
         raise InputError(f"`ego` {recording.ego}: a bag is seen from its own car; leave `ego` out")
     find, place = named(topics, "format", "mcap"), f"`replay`: {path} (autoware)"
     truth_topic, detections_topic = (isolated(partial(find, path, role), place) for role in (TRUTH, DETECTIONS))

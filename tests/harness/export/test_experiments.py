@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
+from harness.export.experiments import logged_runs
 from harness.export.formats import export_run
 from harness.storage.grid_rows import flattened
 from tests.harness.recorded_scene import write_recorded_scene
@@ -135,6 +136,19 @@ def test_trackio_holds_a_run_for_each_row_of_a_grid_in_the_users_own_store(grid,
     assert [file.name for file in export_run(grid, "trackio")] == ["logged.json"]
     told = in_trackio(tmp_path / "own")
     assert sorted(run["config"]["tag.seed"] for run in told["runs"]) == ["0", "1"]
+
+
+def test_runs_that_differ_in_an_axis_alone_have_names_of_their_own(grid):
+    table = pd.read_parquet(grid / "runs.parquet").assign(seed=0)
+    table.to_parquet(grid / "runs.parquet")
+    assert [run.name for run in logged_runs(grid)] == ["us101-mmpf-20-s0", "us101-mmpf-20-s0-2"]
+
+
+def test_a_store_that_is_none_is_one_line(run, monkeypatch):
+    pytest.importorskip("mlflow", reason="the extra mlflow is not installed")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "nowhere://x")
+    with pytest.raises(InputError, match="MLFLOW_TRACKING_URI=nowhere://x"):
+        export_run(run, "mlflow")
 
 
 @pytest.mark.parametrize("name", ["mlflow", "trackio"])
