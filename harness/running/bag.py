@@ -40,6 +40,7 @@ def looks_of_bag(path: Path, config: RunConfig) -> Looks:
     )
     if "is_ego" not in rows or not rows["is_ego"].any():
         raise InputError(f"`replay`: {path} has no transform of base_link, so where the ego is; record /tf too")
+    read = rows["id"].nunique()
     begin = rows["time_s"].min() + recording.start_s - 1e-6
     rows, found = (
         each[each["time_s"].between(begin, begin + config.traffic.duration_s, inclusive="left")].reset_index(drop=True)
@@ -55,4 +56,6 @@ def looks_of_bag(path: Path, config: RunConfig) -> Looks:
     except ValueError as error:
         raise InputError(f"`replay`: {path}: {error}; mend the file") from None
     report = f"truth: {truth_topic}; detections: {detections_topic}"
-    return replace(looks, files={f"replay/{path.name}": path}, report=report)
+    vehicles = {"vehicles_read": read - 1, "vehicles_kept": rows["id"].nunique() - 1}
+    about = {"recording": {"file": path.name, "format": recording.format, "ego": EGO, "egos": 1, **vehicles}}
+    return replace(looks, files={f"replay/{path.name}": path}, report=report, about=about)

@@ -233,6 +233,8 @@ def test_a_bag_of_autoware_s_messages_is_replayed_with_its_detections_and_its_tr
     assert len(again.tracks) > 0
     short = harness.run(replay=bag, tracker="detections", duration=1.0, out=tmp_path / "short")
     assert short.truth["step"].nunique() == 10
+    words = ["--replay", str(bag), "--trackers", "detections", "--duration", "1", "--out", str(tmp_path / "grid")]
+    assert run_command_line(["stress", *words, "--quiet"]) == 0
 
 
 def test_a_bag_without_the_ego_s_transform_is_one_line(tmp_path, capsys):
