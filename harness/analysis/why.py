@@ -126,14 +126,10 @@ def _cause_of_switch(evidence: Evidence, tracks: _Tracks, vehicle: tuple[int, in
     on = int(evidence.matching.truth_row[there])
     if on >= 0 and truth.vehicle[on] != truth.vehicle[now]:
         return ASSOCIATION
-    if _longest_gap_s(evidence, last, now) > evidence.settings.in_sight_s + TIME_TOLERANCE_S:
+    longest_gap_s = evidence.history.since_s[last : now + 1].max()
+    if longest_gap_s > evidence.settings.in_sight_s + TIME_TOLERANCE_S:
         return REIDENTIFICATION
     return BIRTH if rows.step[tracks.first[new]] > truth.step[last] else ASSOCIATION
-
-
-def _longest_gap_s(evidence: Evidence, last: int, now: int) -> float:
-    """Return for how long the vehicle went undetected at most between two of its rows, the second's end included."""
-    return float(evidence.history.since_s[last : now + 1].max())
 
 
 def _losses(evidence: Evidence, tracks: _Tracks) -> Iterator[TrackFailure]:

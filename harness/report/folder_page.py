@@ -106,8 +106,7 @@ def as_html(text: str) -> Markup:
     if first is not None:
         del lines[first]
     tokens = parser.parse("\n".join(lines))
-    _colour_verdicts(tokens)
-    _break_before_intervals(tokens)
+    _style_cells(tokens)
     tokens = [boxed for token in tokens for boxed in _in_box(token)]
     return Markup(parser.renderer.render(tokens, parser.options, {}))
 
@@ -120,19 +119,15 @@ def _in_box(token: Token) -> list[Token]:
     return [token, Token("html_block", "", 0, content="</div>\n")] if token.type == "table_close" else [token]
 
 
-def _colour_verdicts(tokens: Sequence[Token]) -> None:
-    """Give the cells of tables that hold a verdict the style of that verdict."""
+def _style_cells(tokens: Sequence[Token]) -> None:
+    """Colour the cells of tables that hold a verdict, and put intervals below their values, so that columns fit."""
     for cell, content in pairwise(tokens):
+        if cell.type != "td_open":
+            continue
         verdict = content.content.strip("*").partition(",")[0]
-        if cell.type == "td_open" and verdict in STYLE_OF_VERDICT:
+        if verdict in STYLE_OF_VERDICT:
             cell.attrSet("class", f"verdict {STYLE_OF_VERDICT[verdict]}")
-
-
-def _break_before_intervals(tokens: Sequence[Token]) -> None:
-    """Put the interval of a cell below its value, so that a table of many columns fits."""
-    for cell, content in pairwise(tokens):
-        found = INTERVAL.fullmatch(content.content) if cell.type == "td_open" else None
-        if found is not None:
+        if found := INTERVAL.fullmatch(content.content):
             below = f"{found[1]}<br><span class='interval-cell'>{found[2]}</span>"
             content.children = [Token("html_inline", "", 0, content=below)]
 

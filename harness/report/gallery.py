@@ -105,7 +105,23 @@ class OcclusionEvent:
 
     def moments(self, run: RecordedRun) -> list[tuple[int, str]]:
         """Return the steps that are drawn, with their headings; the last is when the outcome is judged."""
-        return _moments(run, self)
+        steps, first = np.unique(run.truth["step"].to_numpy(dtype=np.int64), return_index=True)
+        times, episodes = floats(run.truth, "time_s")[first], run.truth["episode"].to_numpy(dtype=np.int64)[first]
+        at = {int(step): float(time) for step, time in zip(steps, times, strict=True)}
+        start_s, end_s = at[self.from_step], at[self.to_step]
+        same_ego = episodes == episodes[np.searchsorted(steps, self.to_step)]
+        judged_s = min(end_s + ScoringSettings().event_judged_s, float(times[same_ego].max()))
+
+        def nearest(time_s: float) -> int:
+            return int(steps[np.argmin(np.abs(times - time_s))])
+
+        chosen = [(self.from_step, f"last seen, {start_s:.1f} s")]
+        for share in (1.0 / 3.0, 2.0 / 3.0):
+            step = nearest(start_s + share * (end_s - start_s))
+            chosen.append((step, f"hidden for {at[step] - start_s:.1f} s"))
+        chosen.append((self.to_step, f"seen again, {end_s:.1f} s"))
+        chosen.append((nearest(judged_s), f"{judged_s - end_s:.1f} s later"))
+        return chosen
 
     def replayed_s(self, run: RecordedRun) -> tuple[float, float]:
         """Return when the replay begins and stops."""
@@ -165,24 +181,3 @@ def strip_figure(run: RecordedRun, event: Failure) -> Figure:
     figure.text(left + 0.1 / width_in, top, "\n".join(key), fontsize=9, color="#444444", va="top", linespacing=1.5)
     draw_scale(figure.axes[0])
     return figure
-
-
-def _moments(run: RecordedRun, event: OcclusionEvent) -> list[tuple[int, str]]:
-    """Return the steps that are drawn, with their headings; the last is when the outcome is judged."""
-    steps, first = np.unique(run.truth["step"].to_numpy(dtype=np.int64), return_index=True)
-    times, episodes = floats(run.truth, "time_s")[first], run.truth["episode"].to_numpy(dtype=np.int64)[first]
-    at = {int(step): float(time) for step, time in zip(steps, times, strict=True)}
-    start_s, end_s = at[event.from_step], at[event.to_step]
-    same_ego = episodes == episodes[np.searchsorted(steps, event.to_step)]
-    judged_s = min(end_s + ScoringSettings().event_judged_s, float(times[same_ego].max()))
-
-    def nearest(time_s: float) -> int:
-        return int(steps[np.argmin(np.abs(times - time_s))])
-
-    chosen = [(event.from_step, f"last seen, {start_s:.1f} s")]
-    for share in (1.0 / 3.0, 2.0 / 3.0):
-        step = nearest(start_s + share * (end_s - start_s))
-        chosen.append((step, f"hidden for {at[step] - start_s:.1f} s"))
-    chosen.append((event.to_step, f"seen again, {end_s:.1f} s"))
-    chosen.append((nearest(judged_s), f"{judged_s - end_s:.1f} s later"))
-    return chosen

@@ -20,7 +20,8 @@ from harness.storage.grid_folder import KEPT
 def write_kept_pages(folder: Path, quiet: bool) -> None:
     """Write the pages of a grid's kept runs, and of each tracker beside the first of its cell."""
     grid = plan_of(folder)
-    kept = {run.key for run in grid.runs if _is_kept(folder, run)} if grid is not None else set()
+    runs = grid.runs if grid is not None else ()
+    kept = {run.key for run in runs if (folder / KEPT / run.key / runfolder.MANIFEST).is_file()}
     with progress_bar("pages of the runs", len(kept), quiet) as advance:
         for cell in grid.cells if grid is not None else ():
             for run in (run for run in cell.runs if run.key in kept):
@@ -38,7 +39,3 @@ def _write_beside(folder: Path, cell: Cell, run: PlannedRun, kept: set[str]) -> 
     page = b.folder / BESIDE
     write_text(page, comparison_page(compare(a, b)))
     ownership.add(b.folder, [page])
-
-
-def _is_kept(folder: Path, run: PlannedRun) -> bool:
-    return (folder / KEPT / run.key / runfolder.MANIFEST).is_file()
