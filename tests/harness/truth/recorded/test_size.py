@@ -31,20 +31,24 @@ print(json.dumps({
 
 
 def morning(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Return the public CSV's columns: vehicles that pass the section one after another, then copies of some rows."""
+    """Return the public CSV's columns: vehicles that pass the section, a speed for each lane, then copies of some rows.
+
+    Those of a lane enter two seconds apart, so that no two are ever in one place.
+    """
     frames = np.full(VEHICLES, (ROWS - DUPLICATES) // VEHICLES)
     frames[: (ROWS - DUPLICATES) % VEHICLES] += 1
     vehicle = np.repeat(np.arange(VEHICLES), frames)
     age = np.arange(len(vehicle)) - np.repeat(np.cumsum(frames) - frames, frames)
-    frame = age + np.sort(rng.integers(0, 26_000, VEHICLES))[vehicle]
-    speed_ftps = rng.uniform(28.0, 34.0, VEHICLES)[vehicle]
+    frame = age + (26_000 * vehicle) // VEHICLES
+    lane = vehicle % 5
+    speed_ftps = rng.uniform(28.0, 34.0, 5)[lane]
     columns = {name: np.zeros(len(vehicle)) for name in NGSIM_HEADER.split(",")[:TEXT_COLUMN_COUNT]}
     columns |= {
         "Vehicle_ID": vehicle + 1,
         "Frame_ID": frame,
         "Total_Frames": frames[vehicle],
         "Global_Time": EPOCH_MS + 100 * frame,
-        "Local_X": np.round(12.0 * rng.integers(0, 5, VEHICLES)[vehicle] + 6.0, 3),
+        "Local_X": 12.0 * lane + 6.0,
         "Local_Y": np.round(30.0 + 0.1 * speed_ftps * age, 3),
         "v_Length": np.full(len(vehicle), 14.5),
         "v_Width": np.full(len(vehicle), 6.2),
