@@ -34,6 +34,10 @@ from mmpf.motion.protocol import motion_models
 
 SITUATIONS = "situations"
 CHANGING = "changing lanes"
+ABOUT = (
+    "Nothing is measured after the start. Mean absolute error of the position along the road, m, with its 95 % "
+    "interval; then the share of cases in which the particles' 95 % interval contains the truth."
+)
 MODELS = ("residual", "recurrent", "gmm", "empirical", "idm-adaptive", "cvm")
 
 Row = Mapping[str, Any]
@@ -103,14 +107,7 @@ def situations_of(plan: StudyPlan, parts: Sequence[Part], steps: int) -> dict[st
 
 def as_markdown(rows: Sequence[Row], setting: Mapping[str, Any]) -> str:
     """Return a table for each situation: the error and how often the 95 % interval holds the truth, by horizon."""
-    parts = [
-        "# Study: situations",
-        "",
-        "Nothing is measured after the start. Mean absolute error of the position along ",
-    ]
-    parts[-1] += (
-        "the road, m, with its 95 % interval; then in how many cases the particles' 95 % interval holds the truth."
-    )
+    parts = ["# Study: situations", "", ABOUT]
     for situation in dict.fromkeys(row["situation"] for row in rows):
         some = [row for row in rows if row["situation"] == situation]
         horizons = dict.fromkeys(row["horizon_s"] for row in some)
