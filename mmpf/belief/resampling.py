@@ -177,7 +177,9 @@ def _resample_in_place(
             for row in range(len(block)):
                 for k in range(size):
                     descended[k] = block[row, ancestors[k]]
-                block[row, first:after] = descended
+                # An assignment to the slice would have the compiler make ready its message for shapes that differ.
+                for k in range(size):
+                    block[row, first + k] = descended[k]
 
 
 @kernel(fastmath=True)

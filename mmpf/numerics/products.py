@@ -26,7 +26,8 @@ def multiply(matrix: Float32Array, columns: Float32Array, result: Float32Array) 
     spare = np.empty(columns.shape[1], dtype=np.float32)
     for k in range(0, last + 1, 2):
         out, other = result[k], result[k + 1] if k < last else spare
-        factor[0, : end + 1], factor[1, : end + 1] = matrix[k], matrix[min(k + 1, last)]
+        for e in range(end + 1):
+            factor[0, e], factor[1, e] = matrix[k, e], matrix[min(k + 1, last), e]
         out[:], other[:] = np.float32(0.0), np.float32(0.0)
         for e in range(0, end + 1, 4):
             a, b, c, d = factor[0, e], factor[0, e + 1], factor[0, e + 2], factor[0, e + 3]

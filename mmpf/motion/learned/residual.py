@@ -156,7 +156,9 @@ def _forward_in_blocks(
             low, high, mean = network.low[row], network.high[row], network.mean[row]
             for n in range(size):
                 inputs[row, n] = min(max(block[row, n], low), high) - mean
-        inputs[SEEN:] = block[SEEN:]
+        for row in range(SEEN, INPUTS):
+            for n in range(size):
+                inputs[row, n] = block[row, n]
         multiply(weights[0], inputs, first)
         multiply(weights[1], _units(first, network.b1), second)
         multiply(weights[2], _units(second, network.b2), added)
