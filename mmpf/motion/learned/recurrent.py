@@ -1,7 +1,7 @@
-"""A follower that is IDM and what a recurrent network adds to it, which remembers the particle's last seconds.
+"""A follower: IDM plus the correction of a recurrent network that remembers the particle's last seconds.
 
-A gated recurrent unit (Cho et al., EMNLP 2014) sees the situation at each step. From its memory it says what is added
-to IDM's acceleration, and how widely: by how much each row of noise counts. The memory is resampled with the particle.
+A gated recurrent unit (Cho et al., EMNLP 2014) takes the situation at each step. Its memory determines what is added to
+IDM's acceleration, and the factor of each row of noise. The memory is resampled with the particle.
 It was fitted to the spread of whole rollouts (``harness.lab.fit.recurrent_fit``); no deep-learning library runs here.
 """
 
@@ -13,8 +13,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.learned.features import SITUATION_SIZE
+from mmpf.motion.learned.network_file import read_network, save_network
 from mmpf.motion.learned.residual import (
     BLOCK,
     FITTED_STEP_S,
@@ -179,7 +179,7 @@ def _spread(said: Float32Array, shift: Float32Array, noise: Float32Array) -> Non
 
 def save_recurrent(path: Path, network: RecurrentWeights) -> None:
     """Write the model file of a fitted network."""
-    save_arrays(path, {f"case.{CASE}": np.ones(1), **{k: v.astype(np.float64) for k, v in network._asdict().items()}})
+    save_network(path, CASE, network._asdict())
 
 
 def load_recurrent(path: Path) -> RecurrentFollower:
@@ -188,15 +188,10 @@ def load_recurrent(path: Path) -> RecurrentFollower:
     Raises:
         ModelFileError: The file can't be used.
     """
-    arrays = load_arrays(path, CASE)
-    units = arrays["c"].size if "c" in arrays else 0
-    shapes: dict[str, tuple[int, ...]] = {"w": (SITUATION_SIZE, 3 * units), "b": (3 * units,), "u": (units, 3 * units)}
-    shapes |= {"c": (units,), "out": (units, OUTPUTS), "shift": (OUTPUTS,), "lag": (1,)}
-    shapes |= dict.fromkeys(("low", "high", "mean", "scale"), (SITUATION_SIZE,))
-    for name, shape in shapes.items():
-        if name not in arrays or arrays[name].shape != shape or not units:
-            raise ModelFileError(f"model file {path}: {name} must have the shape {shape}, with a unit at least")
-    if (arrays["scale"] <= 0.0).any() or not 0.0 < arrays["lag"][0] <= 1.0:
-        raise ModelFileError(f"model file {path}: scale must be above 0, and lag between 0 and 1")
-    fields = RecurrentWeights._fields
-    return RecurrentFollower(RecurrentWeights(*(np.ascontiguousarray(arrays[n], dtype=np.float32) for n in fields)))
+    return RecurrentFollower(RecurrentWeights(**read_network(path, CASE, "c", _shapes)))
+
+
+def _shapes(units: int) -> dict[str, tuple[int, ...]]:
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("low", "high", "mean", "scale"), (SITUATION_SIZE,))
+    shapes |= {"w": (SITUATION_SIZE, 3 * units), "b": (3 * units,), "u": (units, 3 * units), "c": (units,)}
+    return shapes | {"out": (units, OUTPUTS), "shift": (OUTPUTS,), "lag": (1,)}

@@ -13,10 +13,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.idm import IdmParameters
 from mmpf.motion.learned.features import SITUATION_SIZE, log_headway
 from mmpf.motion.learned.follower import FURTHEST_LEADER_M, follows, seen_by, situations
+from mmpf.motion.learned.network_file import read_network, save_network
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import SPEED
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
@@ -191,7 +191,7 @@ def approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: np
 
 def save_residual(path: Path, network: NetworkWeights) -> None:
     """Write the model file of a fitted network."""
-    save_arrays(path, {f"case.{CASE}": np.ones(1), **{k: v.astype(np.float64) for k, v in network._asdict().items()}})
+    save_network(path, CASE, network._asdict())
 
 
 def load_residual(path: Path) -> ResidualFollower:
@@ -200,15 +200,10 @@ def load_residual(path: Path) -> ResidualFollower:
     Raises:
         ModelFileError: The file can't be used.
     """
-    arrays = load_arrays(path, CASE)
-    hidden = arrays["b1"].size if "b1" in arrays else 0
-    shapes = {"w1": (INPUTS, hidden), "b1": (hidden,), "w2": (hidden, hidden), "b2": (hidden,), "w3": (hidden,)}
-    shapes |= {"b3": (1,), "lag": (1,)} | dict.fromkeys(("low", "high", "mean", "scale"), (SEEN,))
-    for name, shape in shapes.items():
-        if name not in arrays or arrays[name].shape != shape or not hidden:
-            raise ModelFileError(f"model file {path}: {name} must have the shape {shape}, with a hidden unit at least")
-    if (arrays["scale"] <= 0.0).any() or not 0.0 < arrays["lag"][0] <= 1.0:
-        raise ModelFileError(f"model file {path}: scale must be above 0, and lag between 0 and 1")
-    return ResidualFollower(
-        NetworkWeights(*(np.ascontiguousarray(arrays[n], dtype=np.float32) for n in NetworkWeights._fields))
-    )
+    return ResidualFollower(NetworkWeights(**read_network(path, CASE, "b1", _shapes)))
+
+
+def _shapes(hidden: int) -> dict[str, tuple[int, ...]]:
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("low", "high", "mean", "scale"), (SEEN,))
+    shapes |= {"w1": (INPUTS, hidden), "b1": (hidden,), "w2": (hidden, hidden), "b2": (hidden,), "w3": (hidden,)}
+    return shapes | {"b3": (1,), "lag": (1,)}
