@@ -1,4 +1,4 @@
-"""Cars that can be the ego of an episode, on a main road and on a graph of lanes, and whom a provocation concerns."""
+"""Cars that can be the ego of an episode, on a main road or a lane graph, and which vehicle a provocation acts on."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SLOWEST_MPS = 3.0
 
 @dataclass(frozen=True)
 class Concerned:
-    """Whom a provocation of a car would concern; see ``EpisodeStart``."""
+    """The vehicle that a provocation would act on; see ``EpisodeStart``."""
 
     provoked: str = ""
     seen_before: bool | None = None
@@ -61,11 +61,11 @@ class Candidates(Protocol):
         """Where each would drive, by its row of the present frame, in the order of rows."""
 
     def concerned(self, rows: IntArray, rng: np.random.Generator) -> Iterator[Concerned]:
-        """Return whom a provocation of each of some candidates would concern, found when it is asked for."""
+        """Return for each of some candidates, lazily, the vehicle that a provocation would act on."""
 
 
 def candidates_of(traffic: LiveTraffic, kind: str, settings: SensorSettings, flow_mps: float | None) -> Candidates:
-    """Return the candidates for a kind of episode, where it is told in a flow of a speed."""
+    """Return the candidates for a kind of episode; with ``flow_mps``, in traffic of that speed."""
     match traffic.network.layout:
         case PlaneNetwork(graph=graph):
             return OnLaneGraph(traffic, kind, settings, graph)

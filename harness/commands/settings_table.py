@@ -130,6 +130,8 @@ def _named(key: str, name: str, meaning: str, kind: str) -> Setting:
 
 def _summary_of(registry: Registry[Any], name: str) -> str:
     """Return what an entry says of itself; of a plug-in that can't be imported, why."""
+    if (entry := registry.entries.get(name)) is not None and entry.about:
+        return entry.about
     try:
         return _summary(registry[name])
     except UnknownNameError as error:

@@ -1,7 +1,7 @@
-"""Which doubtful vehicles ahead a particle heeds: a number that it keeps, and that resampling hands on.
+"""A latent of each particle that says whether it reacts to a leader that may be a false object.
 
-A vehicle ahead may be a false object. Particles that heed it brake, the others drive on. If the vehicle behind it does
-not brake, the detections choose particles that don't heed it, and their descendants still do not when out of sight.
+Particles that react to it brake, the others drive on. If the real vehicle does not brake, its detections favour the
+particles that do not react. Resampling copies the latent, so their copies keep driving on while the vehicle is hidden.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from mmpf.motion.tries import log_prior_over_tried
 from mmpf.numerics.arrays import FloatArray
 
 DOUBT = -1
-"""Row of the latents, from the end: the particle heeds those that are vehicles with more than this probability."""
+"""Row of the latents, from the end: the particle reacts to objects whose probability of being a vehicle exceeds it."""
 REDRAWN_PER_S = 0.2
-"""How often a particle of a vehicle in sight draws its doubt anew: another vehicle may be ahead by then."""
+"""Rate at which particles of a vehicle in sight redraw the latent, because the leader may have changed."""
 
 
 @dataclass(frozen=True)
 class Doubting:
-    """A motion model whose particles each doubt what is ahead; see ``mmpf.motion.protocol.MotionModel``.
+    """A motion model with a latent doubt of the leader; see ``mmpf.motion.protocol.MotionModel``.
 
     Attributes:
         inner: How a vehicle moves.
@@ -52,7 +52,7 @@ class Doubting:
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[FloatArray, FloatArray]:
-        """Let the inner model move the particles; some of vehicles in sight draw their doubts anew."""
+        """Move the particles by the inner model; some particles of vehicles in sight redraw their doubt."""
         inner, own = self.inner, latents[:DOUBT]
         moved, carried = checked_step(inner, inner.propagate(state, own, surroundings, dt_s, rng), state, own)
         change, drawn = rng.random((2, state.shape[1]), dtype=np.float32)

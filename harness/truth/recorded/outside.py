@@ -35,7 +35,11 @@ recording_formats: Registry[Reader] = Registry(
         "pandaset": Entry(f"{_ROOM}.pandaset:read_pandaset"),
         "scenarionet": Entry(f"{_ROOM}.scenarionet:read_scenarionet"),
         "gpudrive": Entry(f"{_ROOM}.gpudrive:read_gpudrive"),
-        "autoware": Entry(f"{_ROOM}.messages:read_bag", extra="mcap"),
+        "autoware": Entry(
+            f"{_ROOM}.messages:read_bag",
+            about="Read the detections of a bag, and as truth its ground truth or else its tracks; without a map.",
+            extra="mcap",
+        ),
         "kitti-tracking": Entry(f"{_ROOM}.detected.kitti:read_kitti"),
         "av2": Entry(f"{_ROOM}.detected.av2:read_av2"),
     },
