@@ -16,8 +16,8 @@ HARNESS, FILTER = (
 )
 
 
-def test_the_readme_has_at_most_a_hundred_lines() -> None:
-    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 100
+def test_the_readme_has_at_most_eighty_lines() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 80
 
 
 @pytest.mark.slow
