@@ -53,7 +53,7 @@ PANELS = {
         "compare": "Decide whether one run is better or worse than another.",
         "stress": "Run many densities, models and seeds.",
         "drive": "Let the ego drive on a tracker's output; count collisions and conflicts.",
-        "study": "Repeat the paper's cases; test whether the models transfer to real roads.",
+        "study": "Repeat the paper's cases; compare the models by situation, on real roads too.",
         "bench": "Measure the computing time of trackers.",
         "check-tracker": "Check that your own tracker (Python or a program) meets the tracker interface.",
     },

@@ -1,4 +1,4 @@
-"""``study``: the paper's lane-keeping and lane-change cases on held-out traffic, and transfer to real roads."""
+"""``study``: the paper's lane-keeping and lane-change cases on held-out traffic, and errors by situation."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from harness.config.options import Option
 
 NO_CHOICE = {
     "ablation": (("models", "model_file", "real_data"), "the ablation study"),
-    "transfer": (("models", "model_file"), "the transfer study"),
-    "situations": (("model_file",), "the study by situation"),
+    "situations": ((), "the study by situation"),
 }
 """By study, the options that it has no use for, and how its message names it."""
 
@@ -20,14 +19,14 @@ NO_CHOICE = {
 class Options(TypedDict):
     """The options of ``study``."""
 
-    case: Annotated[
-        str, Option("lane-keeping, lane-change, situations, transfer or ablation.", default=..., is_argument=True)
-    ]
+    case: Annotated[str, Option("lane-keeping, lane-change, situations or ablation.", default=..., is_argument=True)]
     net: shared.Net
     models: Annotated[str | None, Option("Names of models, separated by commas. (default: all that fit the case)")]
-    model_file: Annotated[Path | None, Option("Your own fitted model file; replaces the bundled gmm.")]
+    model_file: Annotated[
+        Path | None, Option("Your own fitted model file; replaces the bundled gmm, or the one model in --models.")
+    ]
     cases: Annotated[int, Option("Held-out cases.", default=240, least=2)]
-    particles: Annotated[int | None, Option("Particles per case. (default: 1000; transfer: 200)", least=2)]
+    particles: Annotated[int, Option("Particles per case.", default=1000, least=2)]
     seed: shared.Seed
     seeds: Annotated[
         str | None,
@@ -39,7 +38,7 @@ class Options(TypedDict):
     cache: shared.Cache
     real_data: Annotated[
         Path | None,
-        Option("Folder of real recordings, for situations and transfer. (default: none; transfer: $MMPF_REALDATA)"),
+        Option("Folder of real recordings, for situations. (default: none)"),
     ]
     out: Annotated[Path | None, Option("Folder to write. (default: results/study-CASE)")]
     json: shared.Json
@@ -47,13 +46,12 @@ class Options(TypedDict):
 
 
 def command(options: Options) -> None:
-    """Predict through occlusion with every motion model: the paper's two cases and transfer to real roads.
+    """Predict through occlusion with every motion model: the paper's two cases, and errors by situation.
 
     situations: errors after 1 to 10 s unseen in free driving, following,
     stop-and-go, after a cut-in and around lane changes, simulated or, with
-    --real-data, recorded.
-    transfer: train models on SUMO, on recorded pairs and on both; test them on
-    other recorded pairs and recordings, and on SUMO.
+    --real-data, recorded. With --model-file and --net it shows how a model
+    that was trained on one network transfers to another.
     ablation: in dense traffic, undo the tracker's departures from the paper
     one at a time.
 
@@ -64,7 +62,7 @@ def command(options: Options) -> None:
       python -m harness study lane-keeping
       python -m harness study lane-change --models gmm,cvm,cam --cases 100
       python -m harness study situations --real-data recordings
-      python -m harness study transfer --real-data recordings
+      python -m harness study situations --net curve --models residual --model-file mine/residual.npz
       python -m harness study ablation
     """
     parameters, study = NO_CHOICE.get(options["case"], (("real_data",), "a study of simulated traffic"))

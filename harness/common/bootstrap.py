@@ -22,31 +22,6 @@ class Interval:
     high: float
 
 
-def bootstrap_ci(
-    values: FloatArray,
-    rng: np.random.Generator,
-    groups: IntArray | None = None,
-    level: float = 0.95,
-    draws: int = 1000,
-) -> Interval:
-    """Return the percentile bootstrap interval of a mean, resampling whole groups (Efron & Tibshirani 1993, ch. 13).
-
-    Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent.
-
-    Args:
-        values: Values, shape (n,); nan is left out.
-        rng: Source of the resamples.
-        groups: Group of each value (vehicle, or seed), shape (n,); None resamples the single values.
-        level: Coverage.
-        draws: Number of resamples.
-
-    Returns:
-        The interval; nan bounds with fewer than two groups.
-    """
-    sums, counts = sums_by_label(values, np.arange(len(values)) if groups is None else groups)
-    return cluster_bootstrap(sums, counts, rng, level, draws)[0]
-
-
 def independent_ci(values: FloatArray, rng: np.random.Generator, draws: int = 1000) -> Interval:
     """Return the 95 % percentile bootstrap interval of the mean of independent values, shape (n,), none of them nan."""
     low, high = np.quantile(resampled_means(values, rng, draws), (0.025, 0.975))
@@ -88,10 +63,11 @@ def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatAr
 def cluster_bootstrap(
     sums: FloatArray, counts: FloatArray, rng: np.random.Generator, level: float = 0.95, draws: int = 1000
 ) -> list[Interval]:
-    """Return the percentile bootstrap intervals of several means that share their groups.
+    """Return the percentile bootstrap intervals of several means that share their groups, which are resampled whole.
 
-    Sums and numbers of values are of shape (groups, quantities); bounds are nan where fewer than two groups have
-    values.
+    Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent (Efron &
+    Tibshirani 1993, ch. 13). Sums and numbers of values are of shape (groups, quantities); bounds are nan where fewer
+    than two groups have values.
     """
     groups = len(sums)
     if groups < 2:

@@ -28,9 +28,8 @@ from harness.lab.ablation import (
     ideal_request,
     write_ablation,
 )
-from harness.lab.study import published, situations, study_text, transfer, transfer_text
+from harness.lab.study import published, situations, study_text
 from harness.lab.windows.car_following import STEPS
-from harness.lab.windows.realdata import real_data_folder
 from harness.report.folder_page import write_page
 from harness.storage.grid_folder import RUNS
 from harness.truth.network.network import Network, load_network
@@ -55,17 +54,6 @@ def make_study_of(options: Mapping[str, Any]) -> None:
 
     if case == "ablation":
         told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
-    elif case == "transfer":
-        plan = transfer.TransferPlan(
-            real_data_folder(options["real_data"]),
-            options["cases"],
-            options["particles"] or 200,
-            options["seed"],
-            first,
-            count,
-            cache=options["cache"],
-        )
-        told = _make_transfer(plan, load_network(net), folder, say, quiet)
     else:
         chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
         if options["models"] is not None and not chosen:
@@ -75,7 +63,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
             chosen,
             options["model_file"],
             options["cases"],
-            options["particles"] or 1000,
+            options["particles"],
             options["seed"],
             first,
             count,
@@ -124,26 +112,13 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _StudyOut
     return _StudyOutput(write_ablation(rows, ideal, setting, folder), as_markdown(rows, ideal, setting))
 
 
-def _make_transfer(
-    plan: transfer.TransferPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
-) -> _StudyOutput:
-    before = "study transfer: recording, reading and fitting"
-    with progress_bar("study transfer: predicting", transfer.PREDICTIONS, quiet, before) as advance:
-        result = transfer.make_transfer_study(plan, network, say, advance)
-    transfer_text.write_transfer(result, folder)
-    return _StudyOutput(transfer_text.as_json(result), transfer_text.as_markdown(result))
-
-
 def _make_published(
     plan: published.StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
 ) -> _StudyOutput:
     runs = plan.runs if plan.study in published.MODELS else 1
     title = f"study {plan.study}"
-    try:
-        with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
-            result, setting = published.make_study(plan, network, say, advance)
-    except ValueError as error:
-        raise InputError(f"`model_file` {plan.model_file}: {error}") from error
+    with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
+        result, setting = published.make_study(plan, network, say, advance)
     study_text.write_study(result, setting, folder)
     return _StudyOutput(study_text.as_json(result, setting), study_text.as_markdown(result, setting))
 
@@ -152,7 +127,7 @@ def _make_situations(
     plan: published.StudyPlan, net: Network, real: Path | None, folder: Path, say: Callable[[str], None], quiet: bool
 ) -> _StudyOutput:
     if real is not None:
-        parts, steps = situations.recorded_parts(real_data_folder(real)), transfer.SHORT_STEPS
+        parts, steps = situations.recorded_parts(real), situations.SHORT_STEPS
     else:
         _ = net.main_road  # which the cases are recorded along
         parts, steps = situations.simulated_parts(plan, net, say), STEPS

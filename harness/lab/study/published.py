@@ -16,9 +16,11 @@ from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
 from harness.lab.windows.filtering import MeasurementNoise
 from harness.lab.windows.scenarios import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, record_scenarios, scenarios
+from harness.trackers.mmpf import MODEL_LOADERS
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
-from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, without_lane_changes
+from mmpf.motion.gmm.model_file import ModelFileError
+from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
 from mmpf.motion.protocol import MotionModel, motion_models
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
@@ -35,7 +37,7 @@ class StudyPlan:
     """The plan of a study.
 
     Attributes:
-        model_file: The user's own fitted model in place of the committed ``gmm``.
+        model_file: The user's own fitted model in place of the bundled one: of ``gmm``, or of the one model chosen.
         traffic_seeds: Number of seeds, each of which drives every density.
     """
 
@@ -80,13 +82,13 @@ def make_study(
     """Record the traffic where needed and run the study.
 
     Raises:
-        InputError: An unknown study or model.
+        InputError: An unknown study or model, or a model that is not read from a file.
     """
     if plan.study not in MODELS:
         raise InputError(
-            f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE}, situations, transfer or ablation"
+            f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE}, situations or ablation"
         )
-    models = {name: _model(plan, name) for name in plan.model_names}
+    models = {name: model_of(plan, name, keeps_lane=plan.study == LANE_KEEPING) for name in plan.model_names}
     cases = cases_of_plan(plan, network, say)
     result = run_study(
         plan.study,
@@ -109,9 +111,25 @@ def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None])
     return lane_change_cases(load_changes(paths, network.road), plan.cases, STEP_S, rng)
 
 
-def _model(plan: StudyPlan, name: str) -> MotionModel:
-    """Return a model as the study needs it: in the paper's cases, models know that a vehicle keeps its lane."""
-    model = load_learned_driver(plan.model_file) if plan.model_file and name == "gmm" else motion_models[name]()
-    if plan.study == LANE_KEEPING and isinstance(model, LearnedDriver):
-        return without_lane_changes(model)
-    return model
+def model_of(plan: StudyPlan, name: str, keeps_lane: bool) -> MotionModel:
+    """Return a model, from the plan's file if that is of it.
+
+    Args:
+        plan: The file, and the models chosen.
+        name: The model's name.
+        keeps_lane: Whether the model is to know that a vehicle keeps its lane.
+
+    Raises:
+        InputError: The file can't be used, or such a model is not read from one.
+    """
+    of_file = plan.models[0] if len(plan.models) == 1 else "gmm"
+    if plan.model_file is None or name != of_file:
+        model = motion_models[name]()
+    elif name not in MODEL_LOADERS:
+        raise InputError(f"`model_file`: {name} is not read from a file; choose {' or '.join(MODEL_LOADERS)}")
+    else:
+        try:
+            model = MODEL_LOADERS[name](plan.model_file)
+        except ModelFileError as error:
+            raise InputError(f"`model_file` {plan.model_file}: {error}") from error
+    return without_lane_changes(model) if keeps_lane and isinstance(model, LearnedDriver) else model

@@ -14,26 +14,26 @@ from harness.common.markdown import markdown_table
 from harness.common.numbers import rounded
 from harness.lab.fidelity.samples import whole_recording
 from harness.lab.fit.card import regimes_of
-from harness.lab.study.published import StudyPlan
+from harness.lab.study.published import StudyPlan, model_of
 from harness.lab.study.study import score_row
 from harness.lab.study.study_text import DECIMALS, error_cell, setting_line
 from harness.lab.windows.car_following import following_windows, join
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import join_changes, lane_change_windows
 from harness.lab.windows.filtering import follow
-from harness.lab.windows.pairs import recording_of
-from harness.lab.windows.realdata import snippet_files
-from harness.lab.windows.recording import Recording, load_all
+from harness.lab.windows.recording import Recording, load_all, recording_of
 from harness.lab.windows.scenarios import REPORTING_DURATION_S, record_scenarios, scenarios
 from harness.lab.windows.scores import HORIZONS_S, score
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.map.road import Road
-from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
-from mmpf.motion.protocol import motion_models
 
 SITUATIONS = "situations"
 CHANGING = "changing lanes"
+SHORT_STEPS = 51
+"""States of a window of recorded traffic: 5 s, since vehicles on record drive on for less than simulated ones."""
+RECORDED = ("commonroad/*.xml", "ngsim/*.csv")
+"""Where files of recorded traffic lie in their folder."""
 ABOUT = (
     "Nothing is measured after the start. Mean absolute error of the position along the road, m, with its 95 % "
     "interval; then the share of cases in which the particles' 95 % interval contains the truth."
@@ -58,14 +58,12 @@ def situation_rows(
         progress: Called after each situation and model.
 
     Raises:
-        InputError: The recordings have no situation that lasts so long.
+        InputError: The recordings have no situation that lasts so long, or a model is not read from a file.
     """
     rows = []
     for situation, cases in situations_of(plan, parts, steps).items():
         for name in tuple(plan.models) or MODELS:
-            model = motion_models[name]()
-            if situation != CHANGING and isinstance(model, LearnedDriver):
-                model = without_lane_changes(model)
+            model = model_of(plan, name, keeps_lane=situation != CHANGING)
             scores = score(follow(model, cases, plan.particles, np.random.default_rng([plan.seed, 2])), cases)
             ends = {h: round(h / STEP_S) - 1 for h in HORIZONS_S if round(h / STEP_S) < cases.steps}
             head = {"study": SITUATIONS, "situation": situation, "model": name}
@@ -88,7 +86,10 @@ def recorded_parts(folder: Path) -> list[Part]:
     Raises:
         InputError: There is none.
     """
-    traffic = [whole_recording(path) for path in snippet_files(folder)]
+    files = [path for pattern in RECORDED for path in sorted(folder.glob(pattern))]
+    if not files:
+        raise InputError(f"`real_data`: {folder} has no recorded traffic ({', '.join(RECORDED)}); name another folder")
+    traffic = [whole_recording(path) for path in files]
     return [(recording_of(part), part.road) for part in traffic]
 
 

@@ -13,7 +13,7 @@ from harness.lab.windows.filtering import Cloud, MeasurementNoise, follow, measu
 from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, mean_with_interval, score
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray
 
 PARTIAL, COMPLETE = "partial", "complete"
 LABELS = {
@@ -97,16 +97,13 @@ def _rows(study: str, occlusion: str, model: str, scores: Scores, step_s: float)
     return [{**head, **row} for row in [*at_horizon, score_row(scores, slice(None), None)]]
 
 
-def score_row(
-    scores: Scores, steps: int | slice, horizon_s: float | None, vehicle: IntArray | None = None
-) -> dict[str, Any]:
+def score_row(scores: Scores, steps: int | slice, horizon_s: float | None) -> dict[str, Any]:
     """Return the numbers of one horizon, or of the mean over several steps.
 
     Args:
         scores: Errors, coverage and sharpness.
         steps: Which steps, counted from the first one after the start.
         horizon_s: What is written for the horizon.
-        vehicle: Vehicle of each case where several are of one, shape (m,).
     """
     rng = np.random.default_rng(0)
 
@@ -115,7 +112,7 @@ def score_row(
 
     row: dict[str, Any] = {"horizon_s": horizon_s}
     for name in QUANTITIES:
-        mean, interval = mean_with_interval(by_case(scores.abs_error[name]), rng, vehicle)
+        mean, interval = mean_with_interval(by_case(scores.abs_error[name]), rng)
         row[name] = mean
         row[f"{name}_ci95"] = list(interval)
     for name in ("lon_m", "speed_mps"):

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.truth.frame import Frame, TruthSource
+from harness.truth.recorded.traffic import RecordedTraffic
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 
@@ -76,6 +77,22 @@ def record(source: TruthSource) -> Recording:
         source.close()
     columns = (np.concatenate(parts) for parts in zip(*tables, strict=True))
     return Recording(*columns)
+
+
+def recording_of(traffic: RecordedTraffic) -> Recording:
+    """Return recorded traffic as a recording; each stay is a vehicle."""
+    columns = traffic.columns
+    return Recording(
+        step=traffic.step_of_row.astype(np.int64),
+        vehicle=traffic.stay,
+        lane=traffic.lane,
+        lon_m=columns["lon_m"],
+        lat_m=columns["lat_m"],
+        speed_mps=columns["speed_mps"],
+        lat_speed_mps=columns["lat_speed_mps"],
+        accel_mps2=columns["accel_mps2"],
+        length_m=columns["length_m"],
+    )
 
 
 def save_recording(recording: Recording, path: Path) -> None:

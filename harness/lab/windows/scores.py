@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from harness.common.bootstrap import bootstrap_ci, independent_ci
+from harness.common.bootstrap import independent_ci
 from harness.lab.windows.cases import Cases
 from harness.lab.windows.filtering import Cloud
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray
 
 QUANTITIES = {"lon_m": LON, "lat_m": LAT, "speed_mps": SPEED, "lat_speed_mps": LAT_SPEED}
 INTERVAL = (0.025, 0.975)
@@ -70,18 +70,12 @@ def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> F
     return np.asarray((weight * np.abs(values - true[:, None])).sum(axis=1) - half_mean_distance)
 
 
-def mean_with_interval(
-    values: FloatArray, rng: np.random.Generator, vehicle: IntArray | None = None
-) -> tuple[float, tuple[float, float]]:
+def mean_with_interval(values: FloatArray, rng: np.random.Generator) -> tuple[float, tuple[float, float]]:
     """Return the mean over cases and its 95 % bootstrap interval.
 
     Args:
         values: One for each case, shape (m,).
         rng: Source of the resamples.
-        vehicle: Vehicle of each case, shape (m,), where several cases are of one: whole vehicles are resampled then.
     """
-    if vehicle is None:
-        interval = independent_ci(values, rng, RESAMPLES)
-    else:
-        interval = bootstrap_ci(values, rng, vehicle, draws=RESAMPLES)
+    interval = independent_ci(values, rng, RESAMPLES)
     return float(values.mean()), (interval.low, interval.high)

@@ -1,12 +1,15 @@
 """The study by situation: who is in which, and a table whose numbers are those of the models."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from harness.common.errors import InputError
 from harness.lab.study import situations
-from harness.lab.study.published import StudyPlan
+from harness.lab.study.published import StudyPlan, model_of
+from mmpf.motion.learned.empirical import load_empirical, save_empirical
 from tests.harness.lab.windows.test_windows import ROAD, changing, steady, traffic
 
 
@@ -44,3 +47,22 @@ def test_the_page_has_a_table_for_each_situation_with_every_model_and_horizon(ro
     assert text.count("| cvm |") == len({row["situation"] for row in rows})
     assert "| 1 s | 2 s | 5 s | 10 s |" in text
     assert np.isfinite([row["lon_m"] for row in rows]).all()
+
+
+def test_the_one_chosen_model_is_read_from_the_users_file(tmp_path):
+    """A file of halved accelerations takes the place of the bundled one, and no other model's."""
+    bundled = model_of(StudyPlan("situations"), "empirical", keeps_lane=True).model.follower
+    path = tmp_path / "mine.npz"
+    save_empirical(path, replace(bundled, changes_mps2=0.5 * bundled.changes_mps2))
+    plan = StudyPlan("situations", ("empirical",), model_file=path)
+    follower = model_of(plan, "empirical", keeps_lane=True).model.follower
+    np.testing.assert_array_equal(follower.changes_mps2, load_empirical(path).changes_mps2)
+    assert not np.array_equal(follower.changes_mps2, bundled.changes_mps2)
+    several = replace(plan, models=("empirical", "cvm"))
+    kept = model_of(several, "empirical", keeps_lane=True).model.follower
+    np.testing.assert_array_equal(kept.changes_mps2, bundled.changes_mps2)
+
+
+def test_a_file_for_a_model_that_is_read_from_none_is_refused():
+    with pytest.raises(InputError, match="cvm is not read from a file"):
+        model_of(StudyPlan("situations", ("cvm",), model_file=Path("mine.npz")), "cvm", keeps_lane=True)

@@ -6,9 +6,18 @@ import pytest
 from harness.lab.windows.car_following import following_windows, join
 from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_windows
 from harness.lab.windows.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
-from harness.lab.windows.recording import Recording, Scenario, load_recording, record_all, save_recording
+from harness.lab.windows.recording import (
+    Recording,
+    Scenario,
+    load_recording,
+    record_all,
+    recording_of,
+    save_recording,
+)
+from harness.truth.recorded.source import open_recorded_traffic
 from mmpf.map.corridor_road import highway
 from mmpf.motion.state import LAT, LON
+from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
 
 STEP_S = 0.1
 ROAD = highway(lanes=3, lane_width_m=4.0)
@@ -157,3 +166,14 @@ def test_changes_are_counted_per_second_and_side():
     recording = traffic((0.0, 10.0, changing(150)), (50.0, 10.0, steady(6.0)))
     assert changes_to_one_side_per_s([recording], STEP_S) == pytest.approx(1.0 / (2 * 60.0))
     assert changes_to_one_side_per_s([], STEP_S) == 0.0
+
+
+def test_windows_of_recorded_traffic_have_the_leader_that_drives_ahead(tmp_path):
+    cars = (Car(1, 40.0, 9.0, 10.0), Car(2, 70.0, 9.0, 10.0, length_m=6.5), Car(3, 55.0, 5.0, 10.0))
+    path = write_ngsim_csv(tmp_path / "scene.csv", ngsim_rows(cars))
+    traffic = open_recorded_traffic(path, "ngsim", "us101", "auto", 60.0).traffic
+    windows = following_windows(recording_of(traffic), traffic.road, 51, STEP_S)
+    led = windows.take(np.flatnonzero(windows.has_leader))
+    assert len(windows) == 3
+    assert len(led) == 1
+    np.testing.assert_allclose(led.gap_m, 30.0 - 0.5 * (4.5 + 6.5), atol=1e-5)
