@@ -28,7 +28,6 @@ from mmpf.map.road import Road
 
 STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0
 LAST_SEEN, SEEN_AGAIN, GIVEN_UP, NEW_TRACK = 20, 40, 30, 43
-WHEN = ("step", "time_s", "episode")
 
 
 def write_recorded_scene(

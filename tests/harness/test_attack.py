@@ -205,11 +205,6 @@ def deep(folder: Path) -> list[str]:
     return ["compare", "scene", "scene"]
 
 
-def comparison_over(folder: Path) -> list[str]:
-    write_fcd(folder / "fc.xml")
-    return ["compare", str(scene(folder)), str(folder / "scene"), "--html", "fc.xml"]
-
-
 def swapped(found: re.Match[str]) -> str:
     return f"{'right' if found[1] == 'left' else 'left'}Bound"
 

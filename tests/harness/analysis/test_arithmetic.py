@@ -19,7 +19,6 @@ from harness.analysis.verdicts import (
     MetricDifference,
     Rules,
     compared_quantities,
-    holm,
     judge,
     name_of,
     quantity_of,
@@ -267,11 +266,6 @@ def test_runs_of_which_every_value_is_the_same_are_no_worse_and_one_that_differs
     assert (verdict.verdict, verdict.p, verdict.wanting, nothing.verdict) == (NO_WORSE, 1.0, "", UNTESTED)
     other = measured(1.0, 0.1, quantity=Quantity("else", "else"))
     assert judge([*same, other], RULES)[0].wanting == "too few to tell"
-
-
-def test_holms_correction_is_that_of_all_that_are_tested():
-    assert holm(np.array([0.2, NAN, 0.01, 0.04])).tolist() == pytest.approx([0.2, NAN, 0.03, 0.08], nan_ok=True)
-    assert holm(np.array([0.9, 0.8])).tolist() == [1.0, 1.0]
 
 
 def test_the_compared_metrics_stand_in_the_order_of_what_is_judged_then_of_their_tables():

@@ -68,15 +68,6 @@ def test_a_grid_against_itself_is_no_worse_however_few_seeds_it_has(tmp_path):
         assert comparison.outcome == NO_WORSE
 
 
-def test_what_was_not_named_beforehand_is_described_with_its_interval(tmp_path):
-    a = grid_folder(tmp_path / "a", mae__hidden__lon_m=wobbling(1.0))
-    b = grid_folder(tmp_path / "b", mae__hidden__lon_m=wobbling(2.0, 1))
-    (verdict,) = (one for one in compared(a, b).verdicts if one.metric == "mae.hidden.lon_m")
-    assert (verdict.primary, verdict.verdict, verdict.regression) == (False, UNTESTED, False)
-    assert np.isnan(verdict.p)
-    assert 0.9 < verdict.ci95[0] < 1.0 < verdict.ci95[1] < 1.1
-
-
 def test_other_metrics_get_a_verdict_where_they_are_named(tmp_path, capsys):
     a = grid_folder(tmp_path / "a", mae__hidden__lon_m=wobbling(1.0))
     b = grid_folder(tmp_path / "b", mae__hidden__lon_m=wobbling(2.0, 1))
