@@ -9,7 +9,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+VEHICLE_CLASSES = ("unknown", "car", "truck", "bus", "trailer", "motorcycle")
+"""Classes of vehicles by their codes; vans are cars, pickups and construction vehicles are trucks."""
+UNKNOWN_CLASS, CAR, TRUCK, BUS, TRAILER, MOTORCYCLE = range(len(VEHICLE_CLASSES))
 
 
 class InvalidScanError(ValueError):
@@ -90,6 +94,8 @@ class Detections:
             makes a covariance, shape (d,); None of a sensor that does not tell, whose noises are taken for independent.
         score: How sure the detector is, shape (d,), above 0 and below 1: the probability that the detection is of a
             vehicle, if true and false ones were equally frequent; None of a detector that gives none.
+        vehicle_class: Code of the class that the detector takes each for, see ``VEHICLE_CLASSES``, shape (d,); None of
+            a detector that gives none.
     """
 
     lon_m: FloatArray
@@ -102,6 +108,7 @@ class Detections:
     headings: BodyHeadings | None = None
     correlation: FloatArray | None = None
     score: FloatArray | None = None
+    vehicle_class: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.lon_m)
@@ -144,10 +151,9 @@ class Detections:
             self.sizes.validate(len(self))
         if self.headings is not None:
             self.headings.validate(len(self))
-        if self.correlation is not None:
-            _check_between("correlation", self.correlation, len(self), -1)
-        if self.score is not None:
-            _check_between("score", self.score, len(self), 0)
+        _check_between("correlation", self.correlation, len(self), -1)
+        _check_between("score", self.score, len(self), 0)
+        _check_between("vehicle_class", self.vehicle_class, len(self), -1, len(VEHICLE_CLASSES))
 
 
 def _check_finite(name: str, rows: BodySizes | BodyHeadings, count: int) -> None:
@@ -159,11 +165,13 @@ def _check_finite(name: str, rows: BodySizes | BodyHeadings, count: int) -> None
             raise InvalidScanError(f"detections.{name}.{column.name} holds a value that is not finite")
 
 
-def _check_between(name: str, values: FloatArray, count: int, least: int) -> None:
+def _check_between(name: str, values: FloatArray | IntArray | None, count: int, least: int, most: int = 1) -> None:
+    if values is None:
+        return
     if values.shape != (count,):
         raise InvalidScanError(f"detections.{name} has shape {values.shape}, not {(count,)}")
-    if not ((values > least) & (values < 1.0)).all():
-        raise InvalidScanError(f"detections.{name} must lie between {least} and 1, both left out")
+    if not ((values > least) & (values < most)).all():
+        raise InvalidScanError(f"detections.{name} must lie between {least} and {most}, both left out")
 
 
 @dataclass(frozen=True)
@@ -236,6 +244,7 @@ class SensorModel:
             measured.
         noise_correlated_share: Share of the noise's variance, 0 to 1, that drifts from scan to scan.
         noise_correlation_s: Time constant with which it drifts, seconds.
+        class_accuracy: Probability, 0 to 1, that the class of a detected vehicle is right; 0 if it is not known.
 
     Raises:
         ValueError: A value is not finite or out of its bounds.
@@ -250,6 +259,7 @@ class SensorModel:
     clutter_speed_span_mps: float = 40.0
     noise_correlated_share: float = 0.0
     noise_correlation_s: float = 0.0
+    class_accuracy: float = 0.0
 
     def __post_init__(self) -> None:
         for column in fields(self):
@@ -262,7 +272,8 @@ class SensorModel:
         for name in ("clutter_per_scan", "noise_correlation_s"):
             if getattr(self, name) < 0.0:
                 raise ValueError(f"sensor {name} is {getattr(self, name)}; it must not be negative")
-        for name in ("detection_probability", "full_view_fraction", "hidden_fraction", "noise_correlated_share"):
+        shares = "detection_probability", "full_view_fraction", "hidden_fraction", "noise_correlated_share"
+        for name in (*shares, "class_accuracy"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"sensor {name} is {getattr(self, name)}; it must lie between 0 and 1")
         if self.hidden_fraction >= self.full_view_fraction:

@@ -27,9 +27,10 @@ int main() {
         std::vector<std::vector<double>> found(count, std::vector<double>(14));
         word(), number(), number();  // the ego's place is not used here, and neither is its size
         const double turn = number(), v = number();
-        number(), number();
-        for (auto& row : found) for (double& value : row) value = number();
-        for (int skip = 0; skip < 3; ++skip) std::cin.ignore(1 << 30, '\n');  // also the free space and the signals
+        auto rest_of_line = [] { std::cin.ignore(1 << 30, '\n'); };
+        rest_of_line();
+        for (auto& row : found) { for (double& value : row) value = number(); rest_of_line(); }
+        rest_of_line(), rest_of_line();  // the free space and the signals
         const double step_s = std::isnan(last_s) ? 0.1 : time_s - last_s;
         last_s = time_s;
 

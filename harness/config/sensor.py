@@ -132,6 +132,10 @@ class SensorSettings(WithoutTruthValues):
     """Distance of the scores of true and false detections in standard deviations of their logarithmic odds, which are
     normal; the odds are right, as of a calibrated detector. 2.2 fits PointRCNN on KITTI; 0: no scores.
     """
+    class_accuracy: Probability = 0.0
+    """Probability that the class of a detection is right; the others are equally likely. It is also in the data sheet.
+    0: no classes.
+    """
     road_width_m: Positive = 18.3
     """Road width over which trackers assume uniform clutter."""
     reported_factor: Positive = 1.0

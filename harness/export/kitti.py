@@ -26,7 +26,7 @@ from harness.truth.recorded.detected.kitti import (
     CameraWay,
     SequenceFiles,
     boxes_in_plane,
-    cars,
+    of_vehicles,
     read_detections,
     read_poses,
     sequences,
@@ -90,7 +90,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
 
 def _read(files: SequenceFiles, least_score: float) -> _Sequence:
     way = read_poses(files.poses)
-    rows = cars(read_detections(files.detections))
+    rows = of_vehicles(read_detections(files.detections))
     rows = rows[rows[:, SCORE] >= least_score]
     boxes = boxes_in_plane(files.detections, rows[:, 0], rows[:, BOX], way)
     place = (way.rotation[boxes.step] @ rows[:, BOX][:, 3:6, None])[:, :, 0] + way.shift[boxes.step]

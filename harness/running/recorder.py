@@ -12,8 +12,7 @@ import pandas as pd
 
 from harness.sensor.observation import Look
 from harness.storage.run_folder import DETECTIONS, TRACKS, TRUTH
-from harness.storage.schema import TABLES
-from harness.storage.tables import floats
+from harness.storage.schema import TABLES, Column
 from harness.truth.frame import EVERYWHERE, Frame
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import Tracks
@@ -107,6 +106,8 @@ def _truth_columns(look: Look) -> Columns:
         "window_end_m": end_m,
         "wall_fraction": None if walls is None else np.round(walls, TRACK_DECIMALS),
         "signals": frame.signals or None,
+        # Only where they matter, so that other runs' tables are as they were.
+        "vehicle_class": None if observation.scan.detections.vehicle_class is None else frame.vehicle_class,
     }
     return _columns(TRUTH, len(frame), {**vars(observation), **vars(frame), **values})
 
@@ -116,7 +117,7 @@ def frame_of(rows: pd.DataFrame) -> Frame:
     egos = np.flatnonzero(rows["is_ego"].to_numpy(dtype=bool))
     first = rows.iloc[0]
     arrays = {
-        column.name: rows[column.name].to_numpy(dtype=np.str_ if column.is_text else column.type)
+        column.name: _values(rows, column)
         for column in TABLES[TRUTH].columns
         if column.name in rows and column.name in {each.name for each in fields(Frame)}
     }
@@ -154,7 +155,8 @@ def detections_of(rows: pd.DataFrame) -> Detections:
 
     def arrays(kind: type, **other_names: str) -> dict[str, Any]:
         names = {each.name: other_names.get(each.name, each.name) for each in fields(kind)}
-        return {name: floats(rows, column) for name, column in names.items() if column in rows}
+        table = TABLES[DETECTIONS]
+        return {name: _values(rows, table.of(column)) for name, column in names.items() if column in rows}
 
     sizes, headings = arrays(BodySizes), arrays(BodyHeadings, std_rad="std_heading_rad")
     return Detections(
@@ -162,6 +164,13 @@ def detections_of(rows: pd.DataFrame) -> Detections:
         sizes=BodySizes(**sizes) if len(sizes) == len(fields(BodySizes)) else None,
         headings=BodyHeadings(**headings) if len(headings) == len(fields(BodyHeadings)) else None,
     )
+
+
+def _values(rows: pd.DataFrame, column: Column) -> npt.NDArray[Any]:
+    """Return a column as an array, shape (n,); words with codes as those."""
+    if column.words:
+        return np.asarray(pd.Index(column.words).get_indexer(pd.Index(rows[column.name])), dtype=np.int64)
+    return rows[column.name].to_numpy(dtype=np.str_ if column.is_text else column.type)
 
 
 def _track_columns(frame: Frame, tracks: Tracks) -> Columns:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -186,17 +187,17 @@ def _kept(look: Look, keep: BoolArray) -> Look:
 def _like(made: Detections, others: Detections) -> Detections:
     """Return detections with the columns that others have; an unmeasured heading gets a full circle of uncertainty."""
     zeros = np.zeros(len(made))
-    sizes, headings, correlation, score = made.sizes, None, None, None
-    if others.sizes is not None and sizes is None:
-        sizes = BodySizes(zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M, zeros + 0.5, zeros + 0.2)
-    if others.headings is not None:
-        headings = BodyHeadings(zeros, zeros + UNKNOWN_DIRECTION_RAD, zeros + 0.5)
-    if others.correlation is not None:
-        correlation = zeros if made.correlation is None else made.correlation
-    if others.score is not None:
-        score = zeros + 0.5
-    sizes = None if others.sizes is None else sizes
-    return replace(made, sizes=sizes, headings=headings, correlation=correlation, score=score)
+    unknown: dict[str, Any] = {
+        "sizes": BodySizes(zeros + NOMINAL_LENGTH_M, zeros + NOMINAL_WIDTH_M, zeros + 0.5, zeros + 0.2),
+        "headings": BodyHeadings(zeros, zeros + UNKNOWN_DIRECTION_RAD, zeros + 0.5),
+        "correlation": zeros,
+        "score": zeros + 0.5,
+        "vehicle_class": np.zeros(len(made), dtype=np.int64),
+    }
+    for name, values in unknown.items():
+        own = getattr(made, name)
+        unknown[name] = None if getattr(others, name) is None else values if own is None else own
+    return replace(made, **unknown)
 
 
 def _with_scan(look: Look, scan: Scan) -> Look:

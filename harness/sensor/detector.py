@@ -20,8 +20,18 @@ from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
 from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road, wall_bodies
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
-from mmpf.scan import BodySizes, Detections, EgoPose, FreeSpace, Scan, SensorModel
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray, taken
+from mmpf.scan import (
+    CAR,
+    UNKNOWN_CLASS,
+    VEHICLE_CLASSES,
+    BodySizes,
+    Detections,
+    EgoPose,
+    FreeSpace,
+    Scan,
+    SensorModel,
+)
 
 DECIMALS = 4
 MOST_CORRELATED = 0.999
@@ -68,12 +78,13 @@ class RayedSensor:
         order = rng.permutation(len(origin))
         origin = origin[order]
         values = np.concatenate([returns.values, flashes.values, standing.values])[order]
+        found = _scored(self.settings, detections_from(self.settings, values, road), origin >= 0, self.memory)
         seen = _Seen(
-            _scored(self.settings, detections_from(self.settings, values, road), origin >= 0, self.memory),
+            _classified(self.settings, found, origin, frame, self.memory),
             np.where(origin >= 0, frame.vehicle_id[origin], ""),
             np.where(origin >= 0, fraction[origin], np.nan),
         )
-        seen = _handed_out(self.settings, self.memory, frame, seen, road)
+        seen = _handed_out(self.settings, self.memory, frame, seen)
         return Observation(
             scan=Scan(frame.time_s, seen.detections, ego, own_shadows(self.settings, seen.detections, ego, road)),
             truth_id=seen.truth_id,
@@ -108,6 +119,7 @@ def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorMode
         clutter_speed_span_mps=CLUTTER_SPEED_MPS[1] - CLUTTER_SPEED_MPS[0],
         noise_correlated_share=settings.nominal_bias_share,
         noise_correlation_s=settings.nominal_bias_time_s,
+        class_accuracy=settings.class_accuracy,
     )
 
 
@@ -176,15 +188,14 @@ def states_of(settings: SensorSettings, fraction: FloatArray, in_range: BoolArra
     return np.select(conditions, [OUT, VISIBLE, PARTIAL], default=HIDDEN).astype(np.int8)
 
 
-def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, seen: _Seen, road: Road) -> _Seen:
+def _handed_out(settings: SensorSettings, memory: SensorMemory, frame: Frame, seen: _Seen) -> _Seen:
     """Return what is old enough to be handed out now; at first nothing is."""
     if settings.latency_s <= 0.0:
         return seen
     memory.pending.append((frame.time_s, seen))
     due = [k for k, (time_s, _) in enumerate(memory.pending) if time_s <= frame.time_s - settings.latency_s + 1e-6]
     if not due:
-        nothing = np.zeros((0, 11))
-        return _Seen(detections_from(settings, nothing, road), seen.truth_id[:0], seen.visible_fraction[:0])
+        return taken(seen, np.zeros(0, dtype=np.int64))
     late = cast("_Seen", memory.pending[due[-1]][1])
     del memory.pending[: due[-1] + 1]
     # Of a vehicle that has left meanwhile there is no truth.
@@ -199,6 +210,27 @@ def _scored(settings: SensorSettings, found: Detections, true: BoolArray, memory
         return found
     mean = np.where(true, 0.5, -0.5) * separation**2
     return replace(found, score=as_score(mean + separation * memory.streams.scores.standard_normal(len(found))))
+
+
+def _classified(
+    settings: SensorSettings, found: Detections, origin: IntArray, frame: Frame, memory: SensorMemory
+) -> Detections:
+    """Return detections with classes; a false detection, which has the size of a car, is taken for one as often."""
+    if settings.class_accuracy == 0.0 or frame.vehicle_class is None:
+        return found
+    true = np.where(origin >= 0, frame.vehicle_class[origin], CAR)
+    return replace(found, vehicle_class=confused(true, settings.class_accuracy, memory.streams.classes))
+
+
+def confused(vehicle_class: IntArray, accuracy: float, rng: np.random.Generator) -> IntArray:
+    """Return what a detector takes vehicles for: their class with a probability, else any other; shapes (d,).
+
+    A vehicle of unknown class stays one.
+    """
+    others, count = len(VEHICLE_CLASSES) - 1, len(vehicle_class)
+    wrong = rng.random(count) >= accuracy
+    other = (vehicle_class - 1 + rng.integers(1, others, count)) % others + 1
+    return np.where(wrong & (vehicle_class != UNKNOWN_CLASS), other, vehicle_class)
 
 
 def as_score(log_odds: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.config.sensor import SensorSettings
-from harness.sensor.detector import as_score, data_sheet, own_shadows, rounded, visibility_of
+from harness.sensor.detector import as_score, confused, data_sheet, own_shadows, rounded, visibility_of
 from harness.sensor.noise import position_std
 from harness.sensor.observation import Observation
 from harness.sensor.scene import in_reach, sight_to
@@ -67,7 +67,7 @@ class GivenDetections:
         given, origin = moment.given.take(reached), moment.origin[reached]
         detections = self._detections(given, road, ego)
         if moment.drawn:
-            detections = _with_errors(detections, rng)
+            detections = _with_errors(detections, self.settings.class_accuracy, rng)
         known = origin != NOTHING
         return Observation(
             scan=Scan(frame.time_s, detections, ego, own_shadows(self.settings, detections, ego, road)),
@@ -96,11 +96,12 @@ class GivenDetections:
         deviation, flipped = np.full(count, STD_HEADING_RAD), np.full(count, FLIP_PROBABILITY)
         headings = BodyHeadings(rounded(given.heading_rad), deviation, flipped)
         score = None if self.scores is None else as_score((given.score - self.scores[0]) / self.scores[1])
-        return Detections(*place, unknown, std_lon, std_lat, unknown.copy(), sizes, headings, score=score)
+        measured = *place, unknown, std_lon, std_lat, unknown.copy()
+        return Detections(*measured, sizes, headings, score=score, vehicle_class=given.vehicle_class)
 
 
-def _with_errors(exact: Detections, rng: np.random.Generator) -> Detections:
-    """Return detections that are off by as much as they say."""
+def _with_errors(exact: Detections, class_accuracy: float, rng: np.random.Generator) -> Detections:
+    """Return detections that are off by as much as they say; without classes where the accuracy is 0."""
     count, sizes, headings = len(exact), exact.sizes, exact.headings
     normals = rng.standard_normal((5, count))
     lon_m = rounded(exact.lon_m + normals[0] * exact.std_lon_m)
@@ -111,4 +112,6 @@ def _with_errors(exact: Detections, rng: np.random.Generator) -> Detections:
         sizes = replace(sizes, length_m=length_m, width_m=width_m)
     if headings is not None:
         headings = replace(headings, heading_rad=rounded(headings.heading_rad + normals[4] * headings.std_rad))
-    return replace(exact, lon_m=lon_m, lat_m=lat_m, sizes=sizes, headings=headings)
+    kind = exact.vehicle_class if class_accuracy else None
+    kind = None if kind is None else confused(kind, class_accuracy, rng)
+    return replace(exact, lon_m=lon_m, lat_m=lat_m, sizes=sizes, headings=headings, vehicle_class=kind)

@@ -137,13 +137,14 @@ class SensorStreams:
     mirrored: np.random.Generator
     posts: np.random.Generator
     scores: np.random.Generator
+    classes: np.random.Generator
 
     @classmethod
     def below(cls, parent: np.random.Generator) -> SensorStreams:
         """Return streams that the parent's seed decides; the parent's own numbers stay as they were."""
         own = parent.spawn(5)
         # Streams that came later lie below the first, so that the parent's next children stay what they were.
-        return cls(*own, *own[0].spawn(4))
+        return cls(*own, *own[0].spawn(5))
 
 
 @dataclass

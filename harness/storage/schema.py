@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from mmpf.options.base import UNITS_BY_ENDING
+from mmpf.scan import VEHICLE_CLASSES
 
 SCHEMA_VERSION = 1
 """Version of the tables; it grows when a column goes or takes another meaning, not when an optional one comes."""
@@ -152,6 +153,7 @@ TABLES: dict[str, Table] = {
             _flag("parked", "whether it stands still for as long as it is on record", absent="nobody tells"),
             _flag("pedestrian", "whether it is a person on foot, who is not scored", absent="none is known"),
             _flag("on_roundabout", "whether it is on a roundabout", absent="none is known"),
+            _text("vehicle_class", "class of the vehicle", absent="no detection has one", words=VEHICLE_CLASSES),
             _number("pseudo_hidden_s", "length of the time for which its detections are withheld, 0 if they are not",
                     absent="no vehicle is hidden on purpose"),
             _number("wall_fraction", "share of it that walls hide, 0 to 1", absent="the road has no walls"),
@@ -178,6 +180,8 @@ TABLES: dict[str, Table] = {
                 _number("flip_probability", "probability that the front is taken for the back", absent=NO_HEADINGS),
                 _number("correlation", "correlation of the noise of both places", absent="the sensor tells none"),
                 _number("score", "how sure the detector is, 0 to 1", absent="the detector gives none"),
+                _text("vehicle_class", "class that the detector takes it for", absent="the detector gives none",
+                      words=VEHICLE_CLASSES),
             ),
             _number("visible_fraction", "share of the vehicle that the sensor can see; nan of a false detection"),
             _text("truth_id", "vehicle that it came from; empty of a false detection"),

@@ -20,7 +20,8 @@ and the program answers ``ready``; it skips lines that it does not know. Then, f
     free N R1 ... RN                        ``Scan.free_space``, N is 0 if the sensor does not tell
     signals N S1 ... SN                     1 open, 0 closed; N is 0 if the tracker is not told
 
-with d lines of the third kind, and the program answers with its m tracks
+with d lines of the third kind, which end with ``SCORE CLASS`` where the detector gives either (CLASS counts in
+``mmpf.scan.VEHICLE_CLASSES``), and the program answers with its m tracks
 
     tracks K M
     ID LON LAT SPEED LAT_SPEED ACCEL STD_LON STD_LAT STD_SPEED EXISTENCE tentative|confirmed|hidden
@@ -57,6 +58,7 @@ MOST_ANSWER_BYTES, MOST_STDERR_BYTES, CHUNK_BYTES = 16_000_000, 4_000, 65_536
 ENDS_WITHIN_S = 1.0
 TRACK_WORDS = len(fields(Tracks))
 _MEASURED = tuple(column.name for column in fields(Detections)[:6])
+_MORE = "score", "vehicle_class"
 
 
 class ProgramTracker:
@@ -122,7 +124,9 @@ def setting_lines(setting: TrackerSetting, options: Mapping[str, object]) -> Ite
 def scan_text(scan: Scan, number: int) -> str:
     """Return a scan, the so manieth, as the lines that a program reads."""
     found, unknown = scan.detections, np.full(len(scan.detections), np.nan)
-    groups = ((found, _MEASURED), (found.sizes, BodySizes), (found.headings, BodyHeadings), (found, ("correlation",)))
+    # A program that reads fourteen numbers of each detection goes on doing so where there are no more.
+    more = ("correlation", *_MORE) if found.score is not None or found.vehicle_class is not None else ("correlation",)
+    groups = ((found, _MEASURED), (found.sizes, BodySizes), (found.headings, BodyHeadings), (found, more))
     columns = []
     for part, kind in groups:
         names = kind if isinstance(kind, tuple) else tuple(column.name for column in fields(kind))

@@ -41,6 +41,7 @@ class Frame:
         on_roundabout: Whether each vehicle is on a roundabout; None where none is known.
         signals: ``OPEN`` or ``CLOSED`` for each signal of the road's graph, one letter each, in the order of
             ``LinkControl.signal_name``; empty where there are none, or their states are not on record.
+        vehicle_class: Code of the class of each, see ``mmpf.scan.VEHICLE_CLASSES``; None where the source tells none.
     """
 
     step: int
@@ -63,6 +64,7 @@ class Frame:
     pedestrian: BoolArray | None = None
     on_roundabout: BoolArray | None = None
     signals: str = ""
+    vehicle_class: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.vehicle_id)

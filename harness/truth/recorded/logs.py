@@ -26,8 +26,8 @@ from harness.truth.recorded.detected.kitti import (
     BOX,
     CameraWay,
     boxes_in_plane,
-    cars,
     ego_path,
+    of_vehicles,
     read_detections,
     read_poses,
 )
@@ -163,7 +163,7 @@ def read_poses_table(path: Path, step_s: float) -> pd.DataFrame:
 def _kitti(log: LogFile, path: Path) -> pd.DataFrame:
     """Read KITTI's labels or tracks, or boxes in AB3DMOT's layout; the plane is that of the first camera."""
     if log.role == DETECTIONS and b"," in path.open("rb").readline(4096):
-        found = cars(read_detections(path))
+        found = of_vehicles(read_detections(path))
         frame, box, more = found[:, 0], found[:, BOX], dict[str, npt.NDArray[Any]]()
     else:
         rows = [row for row in words_of(path, None, KITTI_WORDS, "boxes") if row[2] != KITTI_NOTHING]

@@ -15,15 +15,13 @@ import pandas as pd
 from harness.common.errors import InputError
 from harness.truth.recorded.planetracks import PlaneTrajectory, Scene, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic, unknown
+from mmpf.scan import BUS, CAR, MOTORCYCLE, TRUCK, UNKNOWN_CLASS
 
 NUMBERS = ("timestamp", "yaw", "position.x", "position.y", "dimensions.x", "dimensions.y")
 COLUMNS = (*NUMBERS, "uuid", "label")
-VEHICLES = frozenset(
-    {
-        *("Car", "Pickup Truck", "Medium-sized Truck", "Semi-truck", "Bus", "Motorcycle", "Ego"),
-        *("Other Vehicle - Uncommon", "Other Vehicle - Construction Vehicle", "Emergency Vehicle"),
-    }
-)
+VEHICLES = {"Car": CAR, "Ego": CAR, "Bus": BUS, "Motorcycle": MOTORCYCLE, "Other Vehicle - Construction Vehicle": TRUCK}
+VEHICLES |= dict.fromkeys(("Pickup Truck", "Medium-sized Truck", "Semi-truck"), TRUCK)
+VEHICLES |= dict.fromkeys(("Other Vehicle - Uncommon", "Emergency Vehicle"), UNKNOWN_CLASS)
 
 
 def read_pandaset(path: Path) -> ReadTraffic:
@@ -47,6 +45,7 @@ def _scene(file: BinaryIO) -> Scene:
             speed_mps=unknown(len(rows)),
             length_m=rows["dimensions.y"].to_numpy(),
             width_m=rows["dimensions.x"].to_numpy(),
+            vehicle_class=VEHICLES[str(rows["label"].iloc[0])],
         )
         for name, rows in vehicles.groupby("uuid", sort=True)
     ]

@@ -20,6 +20,7 @@ from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, wrapped
+from mmpf.scan import UNKNOWN_CLASS
 
 USUAL_LANE_M = 3.5
 # A lane that begins so near to where another ends, nearly in its direction, follows it.
@@ -31,7 +32,11 @@ MOST_LINES = 5000
 
 @dataclass(frozen=True)
 class PlaneTrajectory:
-    """One vehicle's way; arrays of shape (n,), of whatever a reader takes for numbers; an unknown speed is nan."""
+    """One vehicle's way; arrays of shape (n,), of whatever a reader takes for numbers; an unknown speed is nan.
+
+    Attributes:
+        vehicle_class: Code of its class, see ``mmpf.scan.VEHICLE_CLASSES``.
+    """
 
     name: str
     time_s: FloatArray
@@ -41,6 +46,7 @@ class PlaneTrajectory:
     speed_mps: FloatArray
     length_m: FloatArray
     width_m: FloatArray
+    vehicle_class: int = UNKNOWN_CLASS
 
 
 @dataclass(frozen=True)
@@ -103,7 +109,9 @@ def traffic_of_ways(
         columns["speed_mps"],
         (columns["length_m"], columns["width_m"]),
     )
-    return ReadTraffic(road, names, rows, len(ways) + sum(left_out.values()), left_out)
+    classes = np.array([way.vehicle_class for way in ways], dtype=np.int64)
+    told = classes if (classes != UNKNOWN_CLASS).any() else None
+    return ReadTraffic(road, names, rows, len(ways) + sum(left_out.values()), left_out, told)
 
 
 def _plane(lines: Mapping[str, MiddleLine], low: FloatArray, path: Path) -> tuple[Road, tuple[float, float]]:

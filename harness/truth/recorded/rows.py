@@ -47,6 +47,8 @@ class ReadTraffic:
 
     Attributes:
         vehicles_read: How many vehicles the file has, those that were left out among them.
+        classes: Code of the class of each named vehicle (``mmpf.scan.VEHICLE_CLASSES``), shape (names,); None if the
+            file tells none.
     """
 
     road: Road
@@ -54,6 +56,7 @@ class ReadTraffic:
     rows: Rows
     vehicles_read: int
     left_out: Mapping[str, int] = field(default_factory=dict)
+    classes: IntArray | None = None
 
     @property
     def in_plane(self) -> bool:

@@ -18,6 +18,7 @@ from harness.truth.network.polyline import length_of
 from harness.truth.recorded.planetracks import USUAL_LANE_M, MiddleLine, PlaneTrajectory, Scene, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic
 from mmpf.numerics.arrays import FloatArray
+from mmpf.scan import BUS, CAR, MOTORCYCLE, TRAILER, TRUCK, UNKNOWN_CLASS
 
 PLAIN = {("collections", "defaultdict"): defaultdict, ("collections", "OrderedDict"): OrderedDict} | {
     ("builtins", kind.__name__): kind for kind in (int, float, bool, str, list, tuple, dict, set)
@@ -25,6 +26,10 @@ PLAIN = {("collections", "defaultdict"): defaultdict, ("collections", "OrderedDi
 OF_NUMPY = {"_reconstruct": np.array(0).__reduce__()[0], "scalar": np.float64(0).__reduce__()[0]}
 OF_NUMPY |= {"ndarray": np.ndarray, "dtype": np.dtype}
 LANE_WIDTHS_M = (2.5, 6.0)
+CLASSES = {"vehicle.car": CAR, "vehicle.motorcycle": MOTORCYCLE, "vehicle.trailer": TRAILER}
+CLASSES |= {"vehicle.truck": TRUCK, "vehicle.construction": TRUCK}
+CLASSES |= {"vehicle.bus.rigid": BUS, "vehicle.bus.bendy": BUS}
+"""Classes by nuScenes' names, which its scenes keep; other data sets' scenes tell none."""
 
 
 class _Plain(pickle.Unpickler):
@@ -46,12 +51,13 @@ def _scene(file: BinaryIO) -> Scene:
     sdc = scene["metadata"].get("sdc_id")
     vehicles = {name: track for name, track in scene["tracks"].items() if track["type"] == "VEHICLE"}
     clock = np.asarray(scene["metadata"]["ts"], dtype=np.float64)[: int(scene["length"])]
-    ways = [_way("ego" if name == sdc else str(name), track["state"], clock) for name, track in vehicles.items()]
+    ways = [_way("ego" if name == sdc else str(name), track, clock) for name, track in vehicles.items()]
     lines = {str(name): _line(lane) for name, lane in scene["map_features"].items() if _is_lane(lane)}
     return ways, lines, len(scene["tracks"]) - len(vehicles)
 
 
-def _way(name: str, state: Mapping[str, Any], clock: FloatArray) -> PlaneTrajectory:
+def _way(name: str, track: Mapping[str, Any], clock: FloatArray) -> PlaneTrajectory:
+    state = track["state"]
     valid = np.asarray(state["valid"]).astype(np.bool_)
     if valid.shape != clock.shape:
         raise InputError(f"vehicle {name[:20]} has {valid.shape} times, the scene {clock.shape}")
@@ -68,6 +74,7 @@ def _way(name: str, state: Mapping[str, Any], clock: FloatArray) -> PlaneTraject
         # Of nuScenes' recording car the two are exchanged.
         length_m=np.maximum(*size),
         width_m=np.minimum(*size),
+        vehicle_class=CLASSES.get(str(track.get("metadata", {}).get("type")), UNKNOWN_CLASS),
     )
 
 

@@ -52,6 +52,7 @@ class RecordedTraffic:
         step_starts: First row of each step and the row after the last, shape (steps + 1,).
         stay: Stay of each row, an index into ``names``, shape (n,).
         columns: The columns of ``Frame`` that are floats, each of shape (n,), and ``accel_mps2``.
+        classes: Code of the class of each stay (``mmpf.scan.VEHICLE_CLASSES``); None if nobody tells.
     """
 
     road: Road
@@ -63,6 +64,7 @@ class RecordedTraffic:
     lane: IntArray
     counts: ReadingCounts
     notes: tuple[str, ...]
+    classes: IntArray | None = None
 
     @property
     def steps(self) -> int:
@@ -92,6 +94,7 @@ class RecordedTraffic:
             lane=self.lane[rows],
             window_m=self.window_m,
             direction_rad=self.columns["heading_rad"][rows] if self.road.has_headings else None,
+            vehicle_class=None if self.classes is None else self.classes[stay],
             **cast("dict[str, Any]", {name: values[rows] for name, values in self.columns.items()}),
         )
 
@@ -129,6 +132,7 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
         lane=lane,
         counts=_counts(read, stays, stay, clocked.stay, clocked.filled),
         notes=_notes(stays),
+        classes=None if read.classes is None else read.classes[stays.vehicle],
     )
 
 

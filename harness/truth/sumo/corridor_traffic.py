@@ -82,6 +82,7 @@ def smoothed(window: Sequence[Frame], road: CorridorRoad, step: int) -> Frame:
     for frame, chosen, weight in zip(window, at, hann_weights(middle), strict=True):
         totals += weight * np.stack([getattr(frame, column)[chosen] for column in SMOOTHED])
     values = dict(zip(SMOOTHED, rounded(totals), strict=True))
+    classes = window[middle].vehicle_class
     return replace(
         window[middle],
         step=step,
@@ -90,6 +91,7 @@ def smoothed(window: Sequence[Frame], road: CorridorRoad, step: int) -> Frame:
         lane=road.lane_number_at(values["lon_m"], values["lat_m"]),
         length_m=rounded(window[middle].length_m[at[middle]]),
         width_m=rounded(window[middle].width_m[at[middle]]),
+        vehicle_class=None if classes is None else classes[at[middle]],
         **values,
     )
 

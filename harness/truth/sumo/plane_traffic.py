@@ -17,7 +17,7 @@ from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.network.network import Network
 from harness.truth.sumo.inflow import Inflow
 from harness.truth.sumo.plane_reading import PlaneReader, Snapshot
-from harness.truth.sumo.reading import NO_EGO_INDEX
+from harness.truth.sumo.reading import NO_EGO_INDEX, classes_of
 from harness.truth.sumo.session import FIRST_VEHICLE_WITHIN_S, RunningSumo
 from harness.truth.sumo.smoothing import hann_weights, lead_frames, rounded
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
@@ -169,6 +169,7 @@ class PlaneTraffic:
             length_m=rounded(np.array([body.length_m for body in bodies], dtype=np.float64)),
             width_m=rounded(np.array([body.width_m for body in bodies], dtype=np.float64)),
             direction_rad=rounded(heading),
+            vehicle_class=classes_of([body.kind for body in bodies]),
             pedestrian=np.array([body.is_pedestrian for body in bodies], dtype=np.bool_) if knows_persons else None,
             signals=snapshot.signals,
         )

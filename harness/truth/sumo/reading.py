@@ -11,11 +11,15 @@ from harness.truth.frame import EVERYWHERE, Frame
 from harness.truth.sumo.session import Sumo
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.scan import BUS, CAR, MOTORCYCLE, TRAILER, TRUCK, UNKNOWN_CLASS
 
 NO_EGO_INDEX = -1
 BESIDE_SECTION_M = 150.0
 OFF_ROAD_WITHIN_M = 15.0
+CLASSES = {"passenger": CAR, "truck": TRUCK, "delivery": CAR, "trailer": TRAILER, "bus": BUS, "coach": BUS}
+CLASSES |= dict.fromkeys(("private", "taxi", "evehicle", "hov", "emergency", "authority", "vip"), CAR)
+CLASSES |= dict.fromkeys(("motorcycle", "moped", "scooter"), MOTORCYCLE)
 
 
 def read_frame(sumo: Sumo, road: CorridorRoad, step: int, time_s: float) -> Frame:
@@ -61,7 +65,13 @@ def read_frame(sumo: Sumo, road: CorridorRoad, step: int, time_s: float) -> Fram
         lane=road.lane_number_at(lon, lat),
         length_m=length,
         width_m=np.array([vehicle.getWidth(name) for name in names]),
+        vehicle_class=classes_of([vehicle.getVehicleClass(name) for name in names]),
     )
+
+
+def classes_of(kinds: Sequence[str]) -> IntArray:
+    """Return the codes of SUMO's classes of vehicles, shape (n,); of those of no car, truck, bus and so on 0."""
+    return np.array([CLASSES.get(kind, UNKNOWN_CLASS) for kind in kinds], dtype=np.int64)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_profiles, sensor_settings
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from mmpf.map.corridor_road import CorridorRoad, highway
+from mmpf.scan import CAR, TRUCK, VEHICLE_CLASSES
 from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD, frame_of
 
 SURE = {"detection_probability": 1.0, "clutter_per_scan": 0.0}
@@ -340,3 +341,20 @@ def test_scores_are_calibrated_and_change_no_detection():
     among = (score > 0.65) & (score < 0.75)
     odds = among[true].mean() / among[~true].mean()
     assert odds / (1.0 + odds) == pytest.approx(0.7, abs=0.06)
+
+
+def test_classes_are_right_as_often_as_the_data_sheet_says_and_change_no_detection():
+    frame = replace(PLAIN, vehicle_class=np.where(PLAIN.length_m > 10.0, TRUCK, CAR))
+    plain, told = (looks(frame, 100, "lidar", **STEADY, class_accuracy=by) for by in (0.0, 0.8))
+    for one, other in zip(plain, told, strict=True):
+        assert one.scan.detections.vehicle_class is None
+        assert np.array_equal(one.scan.detections.lon_m, other.scan.detections.lon_m)
+    found = np.concatenate([each.scan.detections.vehicle_class for each in told])
+    of = np.concatenate([each.truth_id for each in told])
+    true = {name: int(kind) for name, kind in zip(frame.vehicle_id, frame.vehicle_class, strict=True)}
+    of_truck = np.array([true.get(name, CAR) == TRUCK for name in of])
+    assert build_sensor(sensor_settings("lidar", {"class_accuracy": 0.8})).model().class_accuracy == 0.8
+    for chosen, right in ((of_truck, TRUCK), (~of_truck, CAR)):
+        shares = np.bincount(found[chosen], minlength=len(VEHICLE_CLASSES)) / chosen.sum()
+        assert shares == pytest.approx([0.0] + [0.8 if k == right else 0.05 for k in range(1, 6)], abs=0.05)
+    assert looks(PLAIN, 1, "lidar", **STEADY, class_accuracy=0.8)[0].scan.detections.vehicle_class is None

@@ -40,10 +40,10 @@ def test_a_frame_without_ego_says_so():
     assert frame_of(recorded(LOOKS[0]).assign(is_ego=False)).ego == -1
 
 
-def test_what_detections_say_of_their_noise_comes_back_and_old_tables_say_nothing_of_its_correlation():
+def test_what_detections_say_of_noise_and_class_comes_back_and_old_tables_say_nothing_of_either():
     look = next(look for look in LOOKS if len(look.observation.scan.detections))
     plain = look.observation.scan.detections
-    told = replace(plain, correlation=np.linspace(-0.5, 0.5, len(plain)))
+    told = replace(plain, correlation=np.linspace(-0.5, 0.5, len(plain)), vehicle_class=np.arange(len(plain)) % 6)
     for detections in (plain, told):
         scan = replace(look.observation.scan, detections=detections)
         recorder = ColumnRecorder()
@@ -51,3 +51,4 @@ def test_what_detections_say_of_their_noise_comes_back_and_old_tables_say_nothin
         read = detections_of(recorder.tables().detections)
         assert (read.correlation is None) == (detections.correlation is None)
         np.testing.assert_array_equal(read.covariance_m2, detections.covariance_m2)
+        np.testing.assert_array_equal(read.vehicle_class, detections.vehicle_class)

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from harness.trackers.conformance.checks import check_tracker
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR, busy_scene
 from harness.trackers.program import scan_text
 from harness.trackers.protocol import TrackerSetting
-from mmpf.scan import InvalidScanError
+from mmpf.scan import TRUCK, InvalidScanError
 from mmpf.tracks import Tracks
 from tests.harness.stand_ins import SteadyTraffic, looking_at
 
@@ -199,6 +200,9 @@ def test_a_program_reads_the_numbers_that_a_tracker_gets():
     assert (table[:, 0] == scan.detections.lon_m).all()
     assert (table[:, 4] == scan.detections.std_lat_m).all()
     assert (free, signals) == ("free 0", "signals 0")
+    told = replace(scan.detections, vehicle_class=np.full(len(scan.detections), TRUCK))
+    rows = scan_text(replace(scan, detections=told), 11).splitlines()[2:-2]
+    assert {tuple(row.split()[14:]) for row in rows} == {("nan", f"{float(TRUCK)}")}
 
 
 def test_an_answer_too_many_is_found_out(tmp_path):

@@ -8,6 +8,7 @@ far a box is off. The plane is that of the city, from the car's first place on.
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +23,15 @@ from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, che
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPoses, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.numerics.arrays import FloatArray
+from mmpf.scan import BUS, CAR, MOTORCYCLE, TRAILER, TRUCK, UNKNOWN_CLASS
 
 ANNOTATIONS, POSES = "annotations.feather", "city_SE3_egovehicle.feather"
 WITH_EGO = "annotations_with_ego.feather"
 """What the data set for scenario mining calls them; the recording car is among its boxes."""
 FEWEST_POINTS = 3
-VEHICLES = (
-    *("REGULAR_VEHICLE", "LARGE_VEHICLE", "BOX_TRUCK", "TRUCK", "TRUCK_CAB", "BUS", "SCHOOL_BUS", "ARTICULATED_BUS"),
-    *("MOTORCYCLE", "VEHICULAR_TRAILER"),
-)
+VEHICLES = {"REGULAR_VEHICLE": CAR, "MOTORCYCLE": MOTORCYCLE, "VEHICULAR_TRAILER": TRAILER}
+VEHICLES |= dict.fromkeys(("LARGE_VEHICLE", "BOX_TRUCK", "TRUCK", "TRUCK_CAB"), TRUCK)
+VEHICLES |= dict.fromkeys(("BUS", "SCHOOL_BUS", "ARTICULATED_BUS"), BUS)
 RECORDING_CAR = "EGO_VEHICLE"
 TURN, PLACE = ["qw", "qx", "qy", "qz"], ["tx_m", "ty_m", "tz_m"]
 WHEN, SIZE = "timestamp_ns", ["length_m", "width_m"]
@@ -110,17 +111,20 @@ def _read(log: Path, with_map: bool) -> Drive:
         thing=thing.astype(np.int64),
         counts=counts,
         covered=points < FEWEST_POINTS,
+        vehicle_class=np.array(
+            [VEHICLES.get(kind, UNKNOWN_CLASS) for kind in boxes["category"].tolist()], dtype=np.int64
+        ),
     )
-    of_seen = labels.take(counts & (points >= FEWEST_POINTS))
-    columns = {name: of_seen.columns[name] for name in ("step", "x_m", "y_m", "heading_rad", "length_m", "width_m")}
-    seen_points = points[counts & (points >= FEWEST_POINTS)]
+    seen = counts & (points >= FEWEST_POINTS)
+    names_of = [column.name for column in fields(GivenBoxes) if column.name != "score"]
+    columns = {name: getattr(labels, name)[seen] for name in names_of}
     others = len(names) - len(np.unique(labels.thing[counts]))
     return Drive(
         name=log.name,
         ego=EgoPoses(shift[:, 0], shift[:, 1], np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])),
         names=names,
         labels=sorted_by_step(labels),
-        given=sorted_by_step(GivenBoxes(**columns, score=seen_points)),
+        given=sorted_by_step(GivenBoxes(**columns, score=points[seen])),
         left_out={"labelled objects other than vehicles": others},
         drawn=True,
         lanes=graph_of_lanelets(read_lanelets(map_file(log), origin[:2]), map_file(log)) if with_map else None,

@@ -23,13 +23,15 @@ from harness.truth.recorded.detected.recorded_drive import (
     sorted_by_step,
 )
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
+from mmpf.scan import BUS, CAR, MOTORCYCLE, TRAILER, TRUCK, UNKNOWN_CLASS
 
 LABELS, DETECTIONS, POSES = "label_02", "detection", "poses"
-VEHICLES = ("Car", "Van", "Truck")
+VEHICLES = {"Car": CAR, "Van": CAR, "Truck": TRUCK}
+DETECTED = {2: CAR, 4: MOTORCYCLE, 5: BUS, 6: TRAILER, 7: TRUCK}
+"""Classes of vehicles by the numbers of AB3DMOT."""
 # A place in the picture where nobody labelled anything, not a thing.
 NO_THING = "DontCare"
 LABEL_WORDS, DETECTION_WORDS, POSE_WORDS = 17, 15, 12
-CAR = 2
 # Columns of detections.
 KIND, SCORE, ANGLE = 1, 6, 14
 PICTURE, BOX = slice(2, 6), slice(7, 14)
@@ -99,9 +101,10 @@ def read_sequence(files: SequenceFiles) -> Drive:
     way = read_poses(files.poses)
     names, labels = _labels(files, way)
     found = read_detections(files.detections)
-    of_car = cars(found)
-    boxes = boxes_in_plane(files.detections, of_car[:, 0], of_car[:, BOX], way)
-    given = GivenBoxes(**boxes.columns, score=of_car[:, SCORE])
+    kept = of_vehicles(found)
+    boxes = boxes_in_plane(files.detections, kept[:, 0], kept[:, BOX], way)
+    classes = np.array([DETECTED[kind] for kind in kept[:, KIND].tolist()], dtype=np.int64)
+    given = GivenBoxes(**boxes.columns, score=kept[:, SCORE], vehicle_class=classes)
     others = len(np.unique(labels.thing)) - len(np.unique(labels.thing[labels.counts]))
     return Drive(
         name=files.labels.stem,
@@ -111,7 +114,7 @@ def read_sequence(files: SequenceFiles) -> Drive:
         given=sorted_by_step(given),
         left_out={
             "labelled things that are no car, van or truck": others,
-            "detections of something else than cars": len(found) - len(of_car),
+            "detections of something else than vehicles": len(found) - len(kept),
         },
     )
 
@@ -125,17 +128,18 @@ def read_detections(path: Path) -> FloatArray:
     return numbers_of(path, words_of(path, ",", DETECTION_WORDS, "detections"), 0, DETECTION_WORDS)
 
 
-def cars(found: FloatArray) -> FloatArray:
-    """Return the rows of detections that are of cars, sorted by frame, those of one frame in their order."""
-    of_car = found[found[:, KIND] == CAR]
-    return np.asarray(of_car[np.argsort(of_car[:, 0], kind="stable")])
+def of_vehicles(found: FloatArray) -> FloatArray:
+    """Return the rows of detections that are of vehicles, sorted by frame, those of one frame in their order."""
+    kept = found[np.isin(found[:, KIND], list(DETECTED))]
+    return np.asarray(kept[np.argsort(kept[:, 0], kind="stable")])
 
 
 def _labels(files: SequenceFiles, way: CameraWay) -> tuple[StringArray, Labels]:
     rows = read_labels(files.labels)
     boxes = boxes_in_plane(files.labels, rows.frame, rows.box, way)
-    counts = np.isin(rows.kind, VEHICLES)
-    return rows.names, sorted_by_step(Labels(**boxes.columns, thing=rows.thing, counts=counts, covered=rows.covered))
+    classes = np.array([VEHICLES.get(kind, UNKNOWN_CLASS) for kind in rows.kind.tolist()], dtype=np.int64)
+    known = {"thing": rows.thing, "counts": classes != UNKNOWN_CLASS, "covered": rows.covered}
+    return rows.names, sorted_by_step(Labels(**boxes.columns, **known, vehicle_class=classes))
 
 
 @dataclass(frozen=True)

@@ -48,18 +48,21 @@ class Labels(RecordedBoxes):
     Attributes:
         counts: Whether it is a vehicle that trackers are judged on; others only hide.
         covered: Whether whoever labelled it says that it is partly or largely covered, or cut off by the picture.
+        vehicle_class: Code of its class; None if nobody tells.
     """
 
     thing: IntArray
     counts: BoolArray
     covered: BoolArray
+    vehicle_class: IntArray | None = None
 
 
 @dataclass(frozen=True)
 class GivenBoxes(RecordedBoxes):
-    """Boxes that a detector found, shape (d,); the larger the ``score``, the surer it was."""
+    """Boxes that a detector found, shape (d,); the larger the ``score``, the surer it was; classes may be unknown."""
 
     score: FloatArray
+    vehicle_class: IntArray | None = None
 
 
 @dataclass(frozen=True)

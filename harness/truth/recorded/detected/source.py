@@ -20,6 +20,7 @@ from harness.truth.recorded.motion import local_slope
 from mmpf.map.lane_graph import NOWHERE
 from mmpf.map.road import NO_LANE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.scan import CAR
 
 # A station wagon carried KITTI's camera; the sizes of other recording cars differ by little.
 EGO_SIZE_M = 4.8, 1.8
@@ -94,6 +95,8 @@ class DriveOnClock:
             "width_m": column(labels.width_m, EGO_SIZE_M[1]),
             "parked": column(self.motion.parked, False),
         }
+        if labels.vehicle_class is not None:
+            self._columns["vehicle_class"] = column(labels.vehicle_class, CAR)
         self._known = {
             "counts": column(labels.counts, True),
             "covered": column(labels.covered, False),

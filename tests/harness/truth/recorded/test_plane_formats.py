@@ -18,6 +18,7 @@ from harness.running.run import run
 from harness.truth.recorded.formats import example, read_traffic, recognise
 from harness.truth.recorded.planetracks import MiddleLine, lanelets_of
 from harness.truth.recorded.source import open_recorded_traffic
+from mmpf.scan import CAR, TRUCK
 
 STEPS = 51
 HEADER = "timestamp,uuid,label,yaw,position.x,position.y,dimensions.x,dimensions.y"
@@ -46,7 +47,7 @@ def test_pandasets_vehicles_drive_where_their_cuboids_are(tmp_path):
         assert frame.lat_m[row] - frame.lat_m[frame.ego] == pytest.approx(3.5)
         assert frame.heading_rad[row] == pytest.approx(0.0, abs=1e-9)
         assert frame.speed_mps[row] == pytest.approx(10.0)
-        assert (frame.length_m[row], frame.width_m[row]) == (4.5, 1.8)
+        assert (frame.length_m[row], frame.width_m[row], frame.vehicle_class[row]) == (4.5, 1.8, CAR)
     assert truth.summary()["vehicles_left_out"] == {"no vehicle": 1}
 
 
@@ -103,7 +104,7 @@ def scene_of_scenarionet() -> dict[str, Any]:
             "length": np.full((STEPS, 1), 1.8),
             "width": np.full((STEPS, 1), 4.5),
         }
-        return {"type": kind, "state": state, "metadata": {}}
+        return {"type": kind, "state": state, "metadata": {"type": "vehicle.truck"}}
 
     tracks = {
         "sdc": track("VEHICLE", [0.0] * STEPS, 0.0),
@@ -174,6 +175,8 @@ def test_a_scenes_vehicles_drive_on_its_lanes(format_name, moving, write, scene,
         assert (frame.lon_m[frame.ego], frame.lat_m[frame.ego]) == (pytest.approx(10.0 + k), pytest.approx(0.0))
         assert frame.speed_mps[frame.ego] == pytest.approx(10.0)
         assert (frame.length_m[frame.ego], frame.width_m[frame.ego]) == (4.5, 1.8)
+        told = None if frame.vehicle_class is None else frame.vehicle_class[frame.ego]
+        assert told == (TRUCK if format_name == "scenarionet" else None)
         # At 30 it is where the one lane ends and the other begins.
         assert k == 30 or frame.lane[frame.ego] == (1 if k < 30 else 3)
     graph = truth.road.graph

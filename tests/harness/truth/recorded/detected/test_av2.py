@@ -13,6 +13,7 @@ from harness.running.open import open_looks
 from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.av2 import argoverse_logs, read_av2
 from harness.truth.recorded.detected.source import DriveTruth
+from mmpf.scan import CAR
 
 STEPS, CITY, YAW_RAD = 20, (1000.0, 2000.0), 0.5
 UNSEEN = range(5, 12)
@@ -51,6 +52,7 @@ def test_what_is_parked_stays_in_the_city_s_plane(tmp_path: Path) -> None:
     assert parked.x_m == pytest.approx(np.full(STEPS, 20.0 * cosine - 3.0 * sine))
     assert parked.y_m == pytest.approx(np.full(STEPS, 20.0 * sine + 3.0 * cosine))
     assert parked.heading_rad == pytest.approx(np.full(STEPS, YAW_RAD + 0.1))
+    assert set(parked.vehicle_class) == set(drive.given.vehicle_class) == {CAR}
     assert drive.ego.heading_rad == pytest.approx(np.full(STEPS, YAW_RAD))
     assert drive.ego.x_m[-1] == pytest.approx(0.4 * (STEPS - 1) * cosine)
 

@@ -12,6 +12,7 @@ from harness.common.errors import InputError
 from harness.truth.recorded.detected.kitti import read_kitti
 from harness.truth.recorded.detected.origin import NOTHING, origins
 from harness.truth.recorded.detected.source import DriveTruth, motion_of
+from mmpf.scan import CAR, UNKNOWN_CLASS
 from tests.harness.truth.recorded.detected.made import AHEAD_M, GAP, PARKED_XY, SPEED_MPS, STEPS, write_kitti
 
 
@@ -64,6 +65,8 @@ def test_speeds_are_those_over_ground_and_tell_the_parked_car(tmp_path: Path) ->
 
 def test_detections_are_of_the_nearest_thing_and_others_are_false(tmp_path: Path) -> None:
     (drive,) = read_kitti(write_kitti(tmp_path))
+    assert set(drive.given.vehicle_class) == {CAR}
+    assert set(drive.labels.vehicle_class) == {CAR, UNKNOWN_CLASS}
     origin = origins(drive)
     of = np.where(origin == NOTHING, NOTHING, drive.labels.thing[origin])
     assert (of[drive.given.score == 8.0] == 0).all()
