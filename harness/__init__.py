@@ -3,10 +3,14 @@
 The public names are those of ``harness.api``, imported on first use, so that ``import harness`` costs nothing.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+import importlib
+
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from harness.api import *  # noqa: F403
 
 

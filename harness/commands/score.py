@@ -76,8 +76,7 @@ def command(options: Options) -> None:
         seed=options["seed"],
         name=options["name"],
     )
-    folder, metrics, report = score_logs(logs, out, force, shlex.join(["harness", *sys.argv[1:]]))
-    write_page(folder)
+    folder, metrics, report = score_logs(logs, out, force, shlex.join(["harness", *sys.argv[1:]]), write_page)
     if not quiet:
         typer.echo(report, err=True)
         print_summary(metrics, folder)

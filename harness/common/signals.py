@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,9 +35,11 @@ def ends_like_ctrl_c() -> Iterator[None]:
     own = [end for end, does in previous.items() if does in (signal.SIG_DFL, signal.default_int_handler)]
     for end in own:
         signal.signal(end, _interrupt)
+    told, sys.unraisablehook = sys.unraisablehook, _again
     try:
         yield
     finally:
+        sys.unraisablehook = told
         for end in own:
             if signal.getsignal(end) is _interrupt:
                 signal.signal(end, previous[end])
@@ -78,6 +82,14 @@ def signals_held(*, forgotten: bool = False) -> Iterator[None]:
             signal.signal(end, handler)
         if came:
             signal.raise_signal(came[0])
+
+
+def _again(ignored: sys.UnraisableHookArgs) -> None:
+    """Raise a signal once more that Python ignored, since it came while a finalizer or a callback was called."""
+    if isinstance(ignored.exc_value, _ToldToEndError):
+        threading.Timer(0.01, os.kill, (os.getpid(), _received[-1])).start()
+    else:
+        sys.__unraisablehook__(ignored)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001

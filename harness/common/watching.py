@@ -18,7 +18,7 @@ from typing import Any
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.exit_codes import RUN_FAILED
 from harness.common.isolation import DIES_WITH_PARENT
-from harness.common.signals import CODES
+from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c, ignore_ends
 
 NAMES_CODE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 
@@ -29,15 +29,23 @@ def code_named(arguments: Sequence[str]) -> list[str]:
     return [word for word in words if NAMES_CODE.fullmatch(word)]
 
 
-def watched(arguments: Sequence[str], work: Callable[[], int]) -> int:
-    """Do the work of a command in a child, in which this returns too, and return its exit code.
+def watched(command: str, arguments: Sequence[str]) -> int:
+    """Call ``module:function`` with the words of a command in a child, in which this returns too; return its exit code.
 
     Code that only an entry point or a file names is loaded without a word that shows it, so every command is watched.
+    Signals that end a command may be blocked until then.
     """
     handed_on = (*CODES, signal.SIGTSTP)
     child, pipe, mask = _fork(handed_on)
     if not child:
-        code = work()
+        with ends_like_ctrl_c():
+            try:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+                code = int(_named(command)(arguments))
+            except KeyboardInterrupt:
+                code = code_of_end()
+            # All is done and told: what ends the process from here on must not look like an error.
+            ignore_ends()
         os.write(pipe, pickle.dumps(code))
         return code
     named = ", ".join(code_named(arguments)) or "a plug-in or a library that the command uses"
@@ -87,10 +95,10 @@ def survived(function: str, arguments: tuple[object, ...], named: str) -> Any:  
 def answer() -> None:
     """Do the work of the process that ``survived`` starts: call, and tell what came of it."""
     ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
-    writing, (module, name) = int(sys.argv[1]), sys.argv[2].split(":")
+    writing = int(sys.argv[1])
     told: tuple[Any, BaseException | None]
     try:
-        told = getattr(import_module(module), name)(*pickle.load(sys.stdin.buffer)), None
+        told = _named(sys.argv[2])(*pickle.load(sys.stdin.buffer)), None
     except (InputError, RunInterruptedError, KeyboardInterrupt) as error:
         told = None, error
     except BaseException as error:  # whatever external code raises
@@ -98,12 +106,18 @@ def answer() -> None:
     os.write(writing, pickle.dumps(told))
 
 
+def _named(function: str) -> Callable[..., Any]:
+    module, name = function.split(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found
+
+
 def _fork(handed_on: Sequence[int]) -> tuple[int, int, set[Any]]:
-    """Return the child, 0 within it, this side's end of a pipe, and the mask of signals: the parent holds some back."""
+    """Return the child, 0 within it, this side's end of a pipe, and the mask to be: both hold some signals back."""
     sys.stdout.flush()
     sys.stderr.flush()
     reading, writing = os.pipe()
-    owner, mask = os.getpid(), signal.pthread_sigmask(signal.SIG_BLOCK, handed_on)
+    owner, mask = os.getpid(), signal.pthread_sigmask(signal.SIG_BLOCK, handed_on) - set(CODES)
     child = os.fork()
     if child:
         os.close(writing)
@@ -114,7 +128,6 @@ def _fork(handed_on: Sequence[int]) -> tuple[int, int, set[Any]]:
     ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
     if os.getppid() != owner:
         os._exit(RUN_FAILED)
-    signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     return 0, writing, mask
 
 

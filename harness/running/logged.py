@@ -8,7 +8,7 @@ counts as detected, where it is.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +18,8 @@ import numpy as np
 import pandas as pd
 
 from harness.common.errors import InputError
+from harness.common.isolation import trusted
+from harness.common.signals import signals_held
 from harness.config.layers import config_from_table, merged
 from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
 from harness.running.complete import KEYS, detection_table, filled, on_clock, slope_of, truth_table
@@ -83,11 +85,14 @@ class LoggedTracker:
         return self.tracks.get(round(scan.time_s, 6), Tracks.none())
 
 
-def score_logs(logs: Logs, out: Path | None, force: bool, command: str) -> tuple[Path, dict[str, Any], str]:
-    """Score a log and leave a run's folder.
+def score_logs(
+    logs: Logs, out: Path | None, force: bool, command: str, draw: Callable[[Path], object] = str
+) -> tuple[Path, dict[str, Any], str]:
+    """Score a log and leave a run's folder, or nothing.
 
     Args:
         out: The folder to write; None for a name in ``results/``.
+        draw: Draws a folder's page.
 
     Raises:
         InputError: A file is missing, of no known format, broken, or the files do not belong together.
@@ -113,7 +118,10 @@ def score_logs(logs: Logs, out: Path | None, force: bool, command: str) -> tuple
             metrics["nuscenes"] = by_rules
             report += "; by nuScenes' rules AMOTA is {amota:.3f} and AMOTP {amotp:.3f} m".format(**by_rules)
         write_run(pending.path, evaluated, metrics, config, command, looks.hashes())
-        return pending.finish(), metrics, report
+        with trusted():
+            draw(pending.path)
+        with signals_held(forgotten=True):
+            return pending.finish(), metrics, report
     except BaseException:
         pending.discard()
         raise

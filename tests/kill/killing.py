@@ -1,4 +1,4 @@
-"""Starts ``run``, ``stress`` and ``drive``, ends them at a random moment, and looks at what is left."""
+"""Starts ``run``, ``stress``, ``drive`` and ``score``, ends them at a random moment, and looks at what is left."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ class Kill:
     """One kill.
 
     Attributes:
-        command: ``run``, ``stress`` and ``drive`` (on two workers of this machine), or ``dask`` (``stress`` on two of a
-            cluster).
+        command: ``run``, ``score``, ``stress`` and ``drive`` (on two workers of this machine), or ``dask`` (``stress``
+            on two of a cluster).
         signal: What ended it.
         after_s: When, after its start.
         outcome: What was there at that moment, in words.
@@ -80,14 +80,15 @@ def kill_often(
         seed: Root of the moments and signals.
         folder: An empty folder.
         tell: Called after each kill.
-        dask: Whether one of four is a grid on a cluster.
+        dask: Whether one of five is a grid on a cluster.
     """
     draw = random.Random(seed)
     with cluster(folder) if dask else nullcontext() as scheduler:
         makers: list[Callable[[], _Killed]] = [
-            lambda: _KilledRun(folder),
+            lambda: _KilledRun(folder, "run", RUN),
             lambda: _KilledGrid(folder, "stress", (*STRESS, *WORKERS)),
             lambda: _KilledGrid(folder, "drive", (*DRIVE, *WORKERS)),
+            lambda: _KilledRun(folder, "score", score_of(folder / "whole-run")),
         ]
         if scheduler is not None:
             makers.insert(2, lambda: _KilledGrid(folder, "dask", (*STRESS, "--scheduler", scheduler)))
@@ -140,9 +141,8 @@ class _Killed:
         self.name, self.command = name, command
         self.whole, self.out = folder / f"whole-{name}", folder / f"killed-{name}"
         self.whole.parent.mkdir(exist_ok=True)
-        begin = time.monotonic()
-        subprocess.run(self._words(self.whole), cwd=REPOSITORY, check=True)
-        self.lasts_s = time.monotonic() - begin
+        self.lasts_s = LONGEST_S
+        self._make(self.whole)
 
     def kill(self, kill: Kill) -> Kill:
         """Start the command, end it, and look."""
@@ -179,14 +179,16 @@ class _Killed:
         """Say what was left and enter what is wrong with it."""
         raise NotImplementedError
 
+    def _make(self, out: Path) -> None:
+        begin = time.monotonic()
+        subprocess.run(self._words(out), cwd=REPOSITORY, check=True)
+        self.lasts_s = min(self.lasts_s, time.monotonic() - begin)
+
     def _words(self, out: Path) -> list[str]:
         return [sys.executable, "-m", "harness", *self.command, "--out", str(out)]
 
 
 class _KilledRun(_Killed):
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder, "run", RUN)
-
     def finished(self) -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in self.out.glob("*.parquet")}
 
@@ -195,6 +197,8 @@ class _KilledRun(_Killed):
         outcome = "no step was done"
         if self.out.exists():
             outcome = "all was done"
+            lacking = {path.name for path in self.whole.iterdir()} - {path.name for path in self.out.iterdir()}
+            kill.faults += [f"{name} is not there" for name in lacking]
         elif left.exists():
             steps = json.loads((left / "manifest.json").read_text())["steps"]
             outcome = "some steps were done"
@@ -207,7 +211,7 @@ class _KilledRun(_Killed):
             outcome = "killed, nothing half-written is visible"
         shutil.rmtree(left, ignore_errors=True)
         shutil.rmtree(self.out, ignore_errors=True)
-        subprocess.run(self._words(self.out), cwd=REPOSITORY, check=True)
+        self._make(self.out)
         for path in self.whole.glob("*.parquet"):
             if (self.out / path.name).read_bytes() != path.read_bytes():
                 kill.faults.append(f"{path.name} of the run made again differs")
@@ -239,10 +243,15 @@ class _KilledGrid(_Killed):
     def finish(self) -> list[str]:
         """Let the grid run to its end, and return what differs from one that was never killed."""
         self.kills = 0
-        subprocess.run(self._words(self.out), cwd=REPOSITORY, check=True)
+        self._make(self.out)
         faults = differences(self.out, self.whole)
         shutil.rmtree(self.out)
         return faults
+
+
+def score_of(run: Path) -> tuple[str, ...]:
+    """Return the command that scores a run's own tracks against its truth."""
+    return ("score", "--truth", str(run), "--tracks", str(run / "tracks.parquet"), "--quiet")
 
 
 def differences(folder: Path, whole: Path) -> list[str]:

@@ -4,6 +4,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
+import weakref
 from pathlib import Path
 
 import pytest
@@ -65,6 +68,26 @@ def test_an_error_that_a_library_makes_of_a_signal_is_an_interrupt(monkeypatch, 
     monkeypatch.setattr("harness.commands.nets.command", swallowing)
     assert run_command_line(["nets"]) == exit_codes.TERMINATED
     assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_signal_that_comes_while_python_calls_back_is_heard_after_it(monkeypatch, capsys):
+    def calling_back() -> None:
+        gone = threading.Lock()
+        kept = weakref.ref(gone, lambda _: os.kill(os.getpid(), signal.SIGTERM))
+        del gone
+        time.sleep(9)
+        assert kept
+
+    monkeypatch.setattr("harness.commands.nets.command", calling_back)
+    assert run_command_line(["nets"]) == exit_codes.TERMINATED
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_signal_that_comes_while_modules_are_read_ends_without_a_traceback():
+    held = "signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT]); signal.raise_signal(signal.SIGINT)"
+    words = [sys.executable, "-c", f"import signal; {held}; from harness.__main__ import main; main()", "nets"]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (exit_codes.INTERRUPTED, "", "")
 
 
 def test_a_signal_that_is_ignored_as_under_nohup_stays_ignored():

@@ -19,16 +19,20 @@ from mcap_ros2.decoder import DecoderFactory
 
 import harness
 from harness.commands.app import run_command_line
+from harness.common import exit_codes
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.messages import read_bag
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
+from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.recorded_scene import write_recorded_scene
 
 STEPS, STEP_S, SPEED_MPS = 30, 0.1, 10.0
 Box = tuple[int, str, float, float, float, float]
 BODIES = {1: ("Truck", 15.0, 0.0, 9.0, 2.6), 2: ("Car", 30.0, 0.0, 4.0, 1.6), 3: ("Car", 20.0, 3.5, 4.4, 1.8)}
 """Kind, place before the ego, to its left, length and width: a truck, a car that it hides, and a car beside."""
+SCORE_WRITES = 18
+"""How many files scoring writes: ledger, settings, road, tables, metrics, manifest, page, ledger again."""
 EGO_BOX: Box = (9, "Car", 0.0, 0.0, 4.8, 1.8)
 
 
@@ -98,6 +102,23 @@ WRITERS: dict[str, Callable[[Path, str, float], tuple[Path, list[str]]]] = {
 def score(folder: Path, truth: Path, tracks: Path, *more: str) -> int:
     words = ["--truth", str(truth), "--tracks", str(tracks), "--out", str(folder / "scored"), "--quiet", "--force"]
     return run_command_line(["score", *words, *more])
+
+
+@pytest.mark.parametrize("write", moments(SCORE_WRITES, often=6))
+def test_a_disk_that_fills_while_a_log_is_scored_leaves_nothing(tmp_path, write, capsys):
+    (truth, more), (tracks, _) = (write_csv(tmp_path, role, 0.0) for role in ("truth", "tracks"))
+    with disk_full_from(write):
+        assert score(tmp_path, truth, tracks, *more) == exit_codes.RUN_FAILED
+    assert capsys.readouterr().err.count("\n") == 1
+    assert {*tmp_path.iterdir()} == {truth, tracks}
+
+
+def test_scoring_writes_as_often_as_the_moments_above_suppose(tmp_path):
+    (truth, more), (tracks, _) = (write_csv(tmp_path, role, 0.0) for role in ("truth", "tracks"))
+    with disk_full_from(SCORE_WRITES + 1) as written:
+        assert score(tmp_path, truth, tracks, *more) == 0
+    assert len(written) == SCORE_WRITES
+    assert {path.name for path in (tmp_path / "scored").iterdir()} >= {"report.html", "manifest.json"}
 
 
 def metrics_of(folder: Path) -> dict[str, object]:
