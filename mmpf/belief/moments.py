@@ -56,7 +56,7 @@ class Moments:
         )
 
 
-def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Moments:
+def component_moments(mixture: Mixture, chosen: IntArray | None = None, weight: FloatArray | None = None) -> Moments:
     """Return the moments of components under their particles' weights.
 
     They take a pass over the particles: whoever needs them in several places works them out once and hands them on.
@@ -64,11 +64,12 @@ def component_moments(mixture: Mixture, chosen: IntArray | None = None) -> Momen
     Args:
         mixture: The belief; weights sum to one in each component.
         chosen: Components that are asked for, shape (m,); None for all.
+        weight: The particles' weights where they are known already, shape (n,).
     """
     which = np.arange(len(mixture)) if chosen is None else chosen
     mean = np.zeros((STATE_SIZE, len(which)))
     variance = np.zeros((STATE_SIZE, len(which)))
-    weight = np.exp(mixture.cloud.log_weight)
+    weight = np.exp(mixture.cloud.log_weight) if weight is None else weight
     state, starts = mixture.cloud.state, mixture.starts
 
     def accumulate(begin: int, end: int) -> None:

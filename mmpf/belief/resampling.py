@@ -90,14 +90,15 @@ def resample_smoothly(
     begins = mixture.starts[chosen]
     if (np.diff(mixture.starts)[chosen] != particles).any():
         raise ValueError(f"each component that is resampled in place must have {particles} particles")
-    mean = component_moments(mixture, chosen).mean[list(SMOOTHED)]
+    weight = np.exp(mixture.cloud.log_weight)
+    mean = component_moments(mixture, chosen, weight).mean[list(SMOOTHED)]
     factor = kernel_width[chosen, None, None] * _covariance_factors(mixture, chosen, mean)
     kept = np.sqrt(1.0 - kernel_width[chosen] ** 2)
     offsets = rng.uniform(size=len(mixture))[chosen]
     if len(chosen) == 0:
         return mixture
     normal = standard_normals(rng, (len(chosen), len(SMOOTHED), particles))
-    cloud, weight = mixture.cloud, np.exp(mixture.cloud.log_weight)
+    cloud = mixture.cloud
     rows = cloud.state, cloud.latents, cloud.log_raw_weight[None]
 
     def smooth(begin: int, end: int) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.numerics.arrays import FloatArray
 
@@ -49,15 +49,17 @@ class Doubting:
         """Draw the inner model's latents, and doubts evenly from 0 to 1."""
         return np.vstack([self.inner.draw_latents(state, rng), rng.random((1, state.shape[1]))])
 
-    def propagate(
+    propagate = propagate_by_rewriting
+
+    def rewrite(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> FloatArray:
         """Move the particles by the inner model; some particles of vehicles in sight redraw their doubt."""
-        inner, own = self.inner, latents[:DOUBT]
-        moved, carried = checked_step(inner, inner.propagate(state, own, surroundings, dt_s, rng), state, own)
+        moved = step_in_place(self.inner, state, latents[:DOUBT], surroundings, dt_s, rng)
         change, drawn = rng.random((2, state.shape[1]), dtype=np.float32)
         anew = ~surroundings.is_hidden & (change < -np.expm1(-dt_s * REDRAWN_PER_S))
-        return moved, np.vstack([carried, np.where(anew, drawn, latents[DOUBT])])
+        np.copyto(latents[DOUBT], drawn, where=anew)
+        return moved
 
     def log_prior_over_tried(
         self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float

@@ -12,7 +12,7 @@ import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
-from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried
@@ -114,9 +114,11 @@ class LaneFollowing:
         after[HEADING, free] = pointing[free]
         return after
 
-    def propagate(
+    propagate = propagate_by_rewriting
+
+    def rewrite(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> FloatArray:
         """Take the particles to their lanes' frames, let the inner model move them there, and bring them back."""
         graph = self.graph
         lane, following = guidance(latents)
@@ -128,7 +130,7 @@ class LaneFollowing:
         local = state.copy()
         # Off every lane a vehicle goes on as it points, from where it is.
         local[LON], local[LAT] = np.where(free, 0.0, along), np.where(free, 0.0, left)
-        moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
+        moved = step_in_place(self.inner, local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
         moved[SPEED] = np.minimum(moved[SPEED], self._speed_allowed(lane, following, along))
         stands = drawn_standing(state[SPEED], dt_s, rng)
         hold_still(moved, local, stands)
@@ -164,8 +166,8 @@ class LaneFollowing:
         astray = free | beyond | (np.abs(left) > 0.5 * graph.width_m[lane] + LOST_M)
         self._find_way_back(moved, np.flatnonzero(astray), lane, following, direction, rng)
         gate = np.where(rethink < dt_s / GATE_S, gate, latents[GATE])
-        guided = np.stack([gate, lane.astype(np.float64), following.astype(np.float64), direction])
-        return moved, np.concatenate([carried, guided])
+        latents[-GUIDANCE_SIZE:] = gate, lane, following, direction
+        return moved
 
     def log_prior_over_tried(
         self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float

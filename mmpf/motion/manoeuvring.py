@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
-from mmpf.motion.protocol import MotionModel, Surroundings, checked_step, spreads_speed
+from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
 from mmpf.motion.state import ACCEL, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.numerics.arrays import FloatArray, IntArray
@@ -67,27 +67,26 @@ class Manoeuvring:
         latents[:HOLDS] = self.inner.draw_latents(state, rng)
         return latents
 
-    def propagate(
+    propagate = propagate_by_rewriting
+
+    def rewrite(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> FloatArray:
         """Let the inner model move the particles; those in a manoeuvre go on with their accelerations instead."""
-        inner, own = self.inner, latents[:HOLDS]
-        moved, carried = checked_step(inner, inner.propagate(state, own, surroundings, dt_s, rng), state, own)
-        after = np.vstack([carried, latents[HOLDS]])
+        moved = step_in_place(self.inner, state, latents[:HOLDS], surroundings, dt_s, rng)
         change = rng.random(state.shape[1], dtype=np.float32)
-        goes_on = ~surroundings.is_hidden & (change >= -np.expm1(-dt_s / self.mean_s))
-        held = np.flatnonzero((latents[HOLDS] != 0.0) & goes_on)
-        begins = (latents[HOLDS] == 0.0) & ~surroundings.is_hidden & (change < -np.expm1(-dt_s * self.begin_per_s))
-        begun = np.flatnonzero(begins)
+        is_seen, holds = ~surroundings.is_hidden, latents[HOLDS] != 0.0
+        held = np.flatnonzero(is_seen & holds & (change >= -np.expm1(-dt_s / self.mean_s)))
+        begun = np.flatnonzero(is_seen & ~holds & (change < -np.expm1(-dt_s * self.begin_per_s)))
         # Evenly spread, particle after particle: those of one vehicle leave no wide gap between what they try.
         even = (rng.random() + GOLDEN_RATIO * np.arange(len(begun))) % 1.0
         drawn = state[ACCEL, begun] + self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         holding = np.concatenate([held, begun])
         accel = np.clip(np.concatenate([state[ACCEL, held], drawn]), -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
-        after[HOLDS] = 0.0
-        after[HOLDS, holding] = 1.0
+        latents[HOLDS] = 0.0
+        latents[HOLDS, holding] = 1.0
         _hold(state, moved, holding, accel, dt_s)
-        return moved, after
+        return moved
 
     def log_prior_over_tried(
         self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float

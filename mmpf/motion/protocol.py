@@ -151,6 +151,48 @@ class MotionModel(Protocol):
 
 
 @runtime_checkable
+class RewritesLatents(Protocol):
+    """A motion model that writes the latents after a step over those before it, which saves copies of them."""
+
+    def rewrite(
+        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> FloatArray:
+        """Return next states, shape (6, n), and rewrite the latents; otherwise as ``MotionModel.propagate``."""
+
+
+def propagate_by_rewriting(
+    motion: RewritesLatents,
+    state: FloatArray,
+    latents: FloatArray,
+    surroundings: Surroundings,
+    dt_s: float,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Sample the states one step later; see ``MotionModel.propagate``."""
+    after = latents.copy()
+    return motion.rewrite(state, after, surroundings, dt_s, rng), after
+
+
+def step_in_place(
+    motion: MotionModel,
+    state: FloatArray,
+    latents: FloatArray,
+    surroundings: Surroundings,
+    dt_s: float,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return any model's next states, shape (6, n), and rewrite the latents.
+
+    Raises:
+        ValueError: The filter can't go on with what the model returned.
+    """
+    if isinstance(motion, RewritesLatents):
+        return motion.rewrite(state, latents, surroundings, dt_s, rng)
+    moved, latents[:] = checked_step(motion, motion.propagate(state, latents, surroundings, dt_s, rng), state, latents)
+    return moved
+
+
+@runtime_checkable
 class TakesHeadings(Protocol):
     """A motion model whose newborn particles point as their vehicles were measured to point."""
 
@@ -195,8 +237,6 @@ def checked_step(
         if np.shape(values) != before.shape:
             shapes = f"{np.shape(values)}, not {before.shape}"
             raise ValueError(f"motion model {motion.name}: propagate returned {name} of shape {shapes}")
-    if not np.isfinite(moved[0].sum()):
-        raise ValueError(f"motion model {motion.name}: propagate returned a state that is not finite")
     return moved[0], moved[1]
 
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from mmpf.motion.protocol import MotionModel, Surroundings
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 SMALLEST, MOST_WAYS = 1e-12, 2
 
@@ -50,7 +51,7 @@ def log_prior_over_tried(
 
 
 def log_ratio_of_begun(
-    begun: BoolArray, may_begin: BoolArray, true: float, tried: float, ways: int | IntArray = 1
+    begun: BoolArray, may_begin: BoolArray, true: float, tried: float, ways: int | npt.NDArray[np.integer] = 1
 ) -> FloatArray:
     """Return the log ratio of prior over proposal for particles that began something or did not, shape (n,).
 

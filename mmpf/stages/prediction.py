@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from mmpf.belief.mixture import Mixture
-from mmpf.motion.protocol import MotionModel, Surroundings, checked_step
+from mmpf.motion.protocol import MotionModel, Surroundings, step_in_place
 from mmpf.motion.state import ACCEL, LAT_SPEED, SPEED
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray
@@ -61,7 +61,10 @@ def bootstrap_proposal(
 
     The ratio in equation (10) is one, but for what the model says that its particles try more often than vehicles do.
     """
-    moved, carried = checked_step(motion, motion.propagate(state, latents, surroundings, dt_s, rng), state, latents)
+    carried = latents.copy()
+    moved = step_in_place(motion, state, carried, surroundings, dt_s, rng)
+    if not np.isfinite(moved.sum()):
+        raise ValueError(f"motion model {motion.name}: propagate returned a state that is not finite")
     return moved, carried, log_prior_over_tried(motion, latents, carried, surroundings, dt_s)
 
 
@@ -79,7 +82,7 @@ def prior_update(
     # Later stages resample in place, and the belief before may be somebody's yet.
     latents = latents.copy() if np.may_share_memory(latents, cloud.latents) else latents
     _add_model_error(state, surroundings.is_hidden, dt_s, error, rng)
-    state[SPEED] = np.maximum(state[SPEED], 0.0)
+    np.maximum(state[SPEED], 0.0, out=state[SPEED])
     components = replace(mixture.components, age_s=mixture.components.age_s + dt_s)
     moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
     return replace(mixture, cloud=moved, components=components)

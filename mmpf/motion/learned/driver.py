@@ -29,7 +29,7 @@ from mmpf.motion.learned.follower import Follower, MixtureFollower, follows
 from mmpf.motion.learned.kernel import FreeDriving, drive
 from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
-from mmpf.motion.protocol import Surroundings, take_surroundings
+from mmpf.motion.protocol import Surroundings, propagate_by_rewriting, take_surroundings
 from mmpf.motion.state import ACCEL, LAT, SPEED
 from mmpf.motion.turning import turning_driver
 from mmpf.numerics.arrays import FloatArray, IntArray
@@ -128,18 +128,21 @@ class LearnedDriver:
         """Return latents that are drawn at the first step, when the surroundings are known: all zeros."""
         return np.zeros((self.latent_size, state.shape[1]))
 
-    def propagate(
+    propagate = propagate_by_rewriting
+
+    def rewrite(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sample the states one step later; see ``MotionModel.propagate``."""
-        next_latents = self._with_drivers(state, latents, surroundings, dt_s, rng)
+    ) -> FloatArray:
+        """Sample the states one step later; see ``RewritesLatents``."""
+        self._draw_drivers(state, latents, surroundings, dt_s, rng)
         leader = surroundings.leader
         followed = follows(leader)
         if self.model.follower.drives_alone:
             followed |= np.isinf(surroundings.road_speed_mps)
-        followers = np.flatnonzero(followed & (next_latents[INTENTION] == 0.0))
+        keeps_lane = latents[INTENTION] == 0.0
+        followers = np.flatnonzero(followed & keeps_lane)
         after = np.empty_like(state)
-        drivers = next_latents[FOLLOWER:]
+        drivers = latents[FOLLOWER:]
         sampled = self.model.follower.accelerations(state, drivers, leader, followers, dt_s, rng)
         normal = standard_normals(rng, (2, state.shape[1]))
         free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
@@ -153,9 +156,9 @@ class LearnedDriver:
                 last,
                 state,
                 after,
-                next_latents[DESIRED_SPEED],
-                next_latents[PACE] * surroundings.road_speed_mps,
-                next_latents[OFFSET],
+                latents[DESIRED_SPEED],
+                latents[PACE] * surroundings.road_speed_mps,
+                latents[OFFSET],
                 surroundings.lane_right_m,
                 surroundings.lane_left_m,
                 followers,
@@ -169,10 +172,10 @@ class LearnedDriver:
             )
 
         in_shares(drive_some, state.shape[1])
-        changing = np.flatnonzero(next_latents[INTENTION])
+        changing = np.flatnonzero(~keeps_lane)
         if len(changing):
-            after[:, changing] = self._changing(state, next_latents, surroundings, changing, dt_s, rng)
-        return after, next_latents
+            after[:, changing] = self._changing(state, latents, surroundings, changing, dt_s, rng)
+        return after
 
     def log_prior_over_tried(
         self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
@@ -198,13 +201,12 @@ class LearnedDriver:
         origin = latents[TARGET, index] - direction * np.where(np.isfinite(width), width, NOMINAL_WIDTH_M)
         return self.changer.move(state[:, index], direction, origin, around, dt_s, rng)
 
-    def _with_drivers(
-        self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
-    ) -> FloatArray:
-        """Return latents with a driver for particles that have none, now and then a fresh one for those in sight."""
-        fresh = latents[KNOWN] == 0.0
+    def _draw_drivers(
+        self, state: FloatArray, drawn: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
+    ) -> None:
+        """Write a driver into latents that have none, now and then a fresh one into those of vehicles in sight."""
+        fresh = drawn[KNOWN] == 0.0
         fresh |= ~surroundings.is_hidden & (rng.random(len(fresh), dtype=np.float32) < REDRAWN_PER_S * dt_s)
-        drawn = latents.copy()
         index = np.flatnonzero(fresh)
         if len(index):
             drawn[KNOWN, index] = 1.0
@@ -216,7 +218,6 @@ class LearnedDriver:
             drawn[OFFSET, index] = self.model.keeper.draw_offset(state[:, index], surroundings, index, rng)
         if self.changes_lanes:
             self.model.keeper.switch_intentions(state[LAT], drawn[INTENTION:], surroundings, dt_s, rng)
-        return drawn
 
     def _draw_by_road(self, drawn: FloatArray, index: IntArray, rng: np.random.Generator) -> None:
         """Draw how drivers on a map drive by it, in place."""

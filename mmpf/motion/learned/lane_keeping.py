@@ -80,14 +80,17 @@ class LaneKeeper:
             surroundings: What the particles knew.
             dt_s: Length of the step.
         """
-        centre = 0.5 * (surroundings.lane_right_m + surroundings.lane_left_m)
-        changes, goes_on = after[0] != 0.0, (after == aims).all(axis=0)
+        may_begin = np.isfinite(surroundings.lane_right_m) & np.isfinite(surroundings.lane_left_m)
+        may_begin &= ~surroundings.is_hidden
+        changes = after[0] != 0.0
+        index = np.flatnonzero(changes)
+        may_begin[index] &= (after[:, index] != aims[:, index]).any(axis=0)
         return log_ratio_of_begun(
             changes,
-            ~surroundings.is_hidden & np.isfinite(centre) & ~(changes & goes_on),
+            may_begin,
             self.changes_per_s * dt_s,
             self.seen_changes_per_s * dt_s,
-            surroundings.has_left_lane.astype(np.int64) + surroundings.has_right_lane,
+            surroundings.has_left_lane.astype(np.int8) + surroundings.has_right_lane,
         )
 
     def holding(self, dt_s: float) -> LaneHolding:

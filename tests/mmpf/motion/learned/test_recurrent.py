@@ -86,7 +86,8 @@ def test_a_driver_drawn_anew_keeps_the_memory_of_what_was_seen():
     _, latents = model.propagate(state, model.draw_latents(state, rng), seen, DT_S, rng)
     memory = latents[FOLLOWER + NOISE :]
     assert (memory != 0.0).any(axis=0).all()
-    drawn = model._with_drivers(state, latents, seen, 2.0, rng)
+    drawn = latents.copy()
+    model._draw_drivers(state, drawn, seen, 2.0, rng)
     anew = (drawn[FOLLOWER : FOLLOWER + NOISE] != latents[FOLLOWER : FOLLOWER + NOISE]).any(axis=0)
     assert anew.any()
     np.testing.assert_array_equal(drawn[FOLLOWER + NOISE :], memory)
