@@ -42,7 +42,7 @@ class Evaluated:
 
     Attributes:
         tables: What was recorded and what scoring made of it, by file; empty where it was written as the run went on.
-        scores: The tables of scores by name, see ``harness.scoring.score.ScoredRun``.
+        scores: The tables of scores by name, see ``harness.scoring.score.RunScorer``.
     """
 
     road: Road

@@ -80,7 +80,7 @@ def gather(
     driven: DriverSetup | None = None,
     unseen: pd.DataFrame | None = None,
 ) -> Evidence:
-    """Read a run's tables and match vehicles with tracks; arguments and errors are those of ``score_run``."""
+    """Read a run's tables and match vehicles with tracks; arguments and errors are those of ``RunScorer.add``."""
     rows = read_run(truth, detections, tracks, settings.gate_lon_m)
     history = detection_history(rows.truth, settings)
     pairs = near_pairs(rows.truth, rows.tracks, settings)

@@ -1,8 +1,7 @@
-"""Computes the scores of a run, at once or part by part."""
+"""Computes the scores of a run, stretch by stretch."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -17,58 +16,11 @@ from harness.scoring.metrics.registry import Totals
 from harness.storage import run_folder as runfolder
 
 
-@dataclass(frozen=True)
-class ScoredRun:
-    """A run's scores as they are written to its folder.
-
-    Attributes:
-        errors: One row per vehicle and step, see ``harness.scoring.evidence.errors.error_table``.
-        metrics: The nested dictionary of ``metrics.json``, without timing and traffic.
-        events: One row per occlusion event, see ``harness.scoring.evidence.events.event_table``.
-        brakings: One row per missed or phantom braking, see ``brakings.braking_table``; None where no
-            driver was asked.
-        commands: One row per step, see ``harness.scoring.driving.brakings.command_table``; likewise.
-    """
-
-    errors: pd.DataFrame
-    metrics: dict[str, Any]
-    events: pd.DataFrame
-    brakings: pd.DataFrame | None = None
-    commands: pd.DataFrame | None = None
-
-
-def score_run(
-    truth: pd.DataFrame,
-    detections: pd.DataFrame,
-    tracks: pd.DataFrame,
-    seed: int = 0,
-    driven: DriverSetup | None = None,
-    unseen: pd.DataFrame | None = None,
-) -> ScoredRun:
-    """Score a run by the published rules.
-
-    Args:
-        truth: The table of that name, as the next two.
-        detections: See ``harness.storage.schema``.
-        tracks: Likewise.
-        seed: Seed of the bootstrap intervals.
-        driven: The ego's driver and its road; None asks no driver.
-        unseen: One row per stretch of lane and moment with the vehicles expected there without a track; None for none.
-
-    Raises:
-        ValueError: The tables contradict each other or hold unknown states.
-    """
-    scorer = RunScorer(seed, driven)
-    tables = scorer.add(truth, detections, tracks, unseen)
-    metrics = scorer.metrics()
-    return ScoredRun(metrics=metrics, **{name.removesuffix(".parquet"): table for name, table in tables.items()})
-
-
 class RunScorer:
     """Scores a run that comes stretch by stretch, each of one or more whole episodes, without keeping them.
 
-    A run that is a single stretch gets the numbers of ``score_run``; those of several differ from the same run's in
-    one piece by the rounding of sums and by the order in which vehicles are resampled.
+    The numbers of a run in several stretches differ from the same run's in one piece by the rounding of sums and by the
+    order in which vehicles are resampled.
     """
 
     def __init__(self, seed: int = 0, driven: DriverSetup | None = None) -> None:
@@ -89,7 +41,18 @@ class RunScorer:
         tracks: pd.DataFrame,
         unseen: pd.DataFrame | None = None,
     ) -> dict[str, pd.DataFrame]:
-        """Measure the next stretch and return its tables by file. Errors are those of ``score_run``."""
+        """Measure the next stretch and return its tables by file; see ``harness.storage.schema``.
+
+        Args:
+            truth: The table of that name, as the next two.
+            detections: Likewise.
+            tracks: Likewise.
+            unseen: One row per stretch of lane and moment with the vehicles expected there without a track; None for
+                none.
+
+        Raises:
+            ValueError: The tables contradict each other or hold unknown states.
+        """
         evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven, unseen)
         self._totals.add(evidence)
         asked, found, rows = evidence.asked, evidence.brakings, evidence.rows

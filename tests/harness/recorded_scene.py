@@ -19,12 +19,12 @@ from harness.running.evaluate import Evaluated, write_run
 from harness.running.follow import StageTimes
 from harness.running.metrics import TrafficSums
 from harness.running.resolve import resolve_run_config
-from harness.scoring.score import score_run
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of
 from harness.storage.tables import write_table
 from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road
+from tests.harness.scoring.scenes import score_run
 
 STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0
 LAST_SEEN, SEEN_AGAIN, GIVEN_UP, NEW_TRACK = 20, 40, 30, 43

@@ -97,7 +97,7 @@ def mean_errors_by_visibility(part: ErrorPart, basis: Basis) -> dict[str, object
     """Return the mean errors of tracked vehicles by visibility state, and of hidden ones by time since detection.
 
     Returns:
-        ``visible``, ``partial``, ``hidden`` and ``all`` three together, as ``mean_errors`` has them, with the number of
+        ``visible``, ``partial``, ``hidden`` and ``all`` three together, as ``_means`` has them, with the number of
         vehicle-steps of which ``n`` were followed ``of_n`` and their share ``followed_percent``; and
         ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and at most
         ``to_s`` ago, with their ``hidden_outcomes``.
@@ -119,16 +119,6 @@ def mean_errors_by_visibility(part: ErrorPart, basis: Basis) -> dict[str, object
     return table
 
 
-def mean_errors(absolute: FloatArray, vehicle: IntArray, rng: np.random.Generator, draws: int) -> dict[str, object]:
-    """Average absolute errors over rows, columns as in ``ErrorArrays``, shape (n, 4), and vehicles, shape (n,).
-
-    Returns:
-        Means, nan without rows, the number of rows ``n``, and the ends of each mean's 95 % bootstrap interval over
-        vehicles under ``_ci95``, None with fewer than two. ``position_m`` is the mean Euclidean error of the position.
-    """
-    return _means(*_sums(absolute, vehicle), len(absolute), rng, draws)
-
-
 def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArray]:
     """Sum the errors and the Euclidean error of the position over each vehicle, both of shape (vehicles, 5)."""
     values = np.column_stack((absolute, np.hypot(absolute[:, 0], absolute[:, 1])))
@@ -136,6 +126,11 @@ def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArr
 
 
 def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator, draws: int) -> dict[str, object]:
+    """Return the means over the vehicles' ``n`` rows, nan without rows, and the ends of their 95 % bootstrap intervals.
+
+    The ends stand under ``_ci95``, None with fewer than two vehicles; ``position_m`` is the mean Euclidean error of the
+    position.
+    """
     total = counts.sum(axis=0)
     means = np.divide(sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
     intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng, draws=draws), strict=True))

@@ -18,12 +18,12 @@ from harness.grid.making import keeping
 from harness.grid.rerun import command_of
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Started, work_on_cell
 from harness.running import evaluate
-from harness.scoring.score import score_run
 from harness.storage import ownership
 from harness.storage.grid_folder import KEPT
 from harness.storage.grid_rows import flattened
 from harness.trackers.catalogue import build_tracker
 from tests.harness.grid.executors import BROKEN, ECHO
+from tests.harness.scoring.scenes import score_run
 from tests.harness.stand_ins import SteadyTraffic, looking_at, track
 
 OPEN = looking_at(SteadyTraffic(steps=8))

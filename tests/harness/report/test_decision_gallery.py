@@ -15,10 +15,10 @@ from harness.report.page import write_run_page
 from harness.report.summary_text import decision_summary
 from harness.running.finished import read_recorded_run
 from harness.scoring.driving.asked import DriverSetup
-from harness.scoring.score import score_run
 from harness.storage import run_folder as runfolder
 from harness.storage.tables import write_table
 from tests.harness.recorded_scene import rewrite, write_recorded_scene
+from tests.harness.scoring.scenes import score_run
 
 BRAKING = {
     "kind": "missed", "episode": 0, "from_step": 30, "to_step": 39, "step": 35, "duration_s": 1.0, "truth_mps2": -4.0,

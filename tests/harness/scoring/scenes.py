@@ -2,10 +2,37 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 import pandas as pd
 
+from harness.scoring.driving.asked import DriverSetup
+from harness.scoring.score import RunScorer
+
 STEP_S = 0.1
+
+
+class ScoredRun(NamedTuple):
+    errors: pd.DataFrame
+    metrics: dict[str, Any]
+    events: pd.DataFrame
+    brakings: pd.DataFrame | None = None
+    commands: pd.DataFrame | None = None
+
+
+def score_run(
+    truth: pd.DataFrame,
+    detections: pd.DataFrame,
+    tracks: pd.DataFrame,
+    seed: int = 0,
+    driven: DriverSetup | None = None,
+    unseen: pd.DataFrame | None = None,
+) -> ScoredRun:
+    """Score a run that is one stretch."""
+    scorer = RunScorer(seed, driven)
+    tables = scorer.add(truth, detections, tracks, unseen)
+    return ScoredRun(metrics=scorer.metrics(), **{name.removesuffix(".parquet"): tables[name] for name in tables})
 
 
 def traffic(steps: int = 100, vehicles: int = 20, seed: int = 0, clutter: float = 1.0):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import STEP_S, traffic
+from tests.harness.scoring.scenes import STEP_S, score_run, traffic
 
 STEPS = 250
 

@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 
 from harness.scoring.evidence.directions import along_and_across, along_axes
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import Scene, traffic
+from tests.harness.scoring.scenes import Scene, score_run, traffic
 
 # Axes that the deviations of an honest tracker are along turn with the map, so their coverage may differ.
 OF_AXES = {"calibration.coverage95", "calibration.visible.coverage95", "calibration.hidden.coverage95"}

@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import Scene, traffic
+from tests.harness.scoring.scenes import Scene, score_run, traffic
 
 MOT = {"hota", "deta", "assa", "idf1", "mota", "id_switches", "fragmentations", "missed", "false_tracks"}
 PUBLISHED = {

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from harness.scoring.evidence.rows import read_run
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.evidence.settings import ScoringSettings
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import Scene, traffic
+from tests.harness.scoring.scenes import Scene, score_run, traffic
 
 STEPS = np.arange(100)
 STATES = ("confirmed", "hidden")

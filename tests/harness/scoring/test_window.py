@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring.score import score_run
+from tests.harness.scoring.scenes import score_run
 
 STEPS = 40
 WINDOW = (0.0, 100.0)

@@ -11,8 +11,8 @@ from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.driving.withheld import WithheldAhead
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import missed_stretches
-from harness.scoring.score import score_run
 from mmpf.map.corridor_road import highway
+from tests.harness.scoring.scenes import score_run
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
 ROW = {

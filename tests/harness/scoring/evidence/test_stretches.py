@@ -14,11 +14,11 @@ from harness.decisions.decide import driver_of
 from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.registry import register
-from harness.scoring.score import RunScorer, score_run
+from harness.scoring.score import RunScorer
 from harness.storage import run_folder as runfolder
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane
-from tests.harness.scoring.scenes import traffic
+from tests.harness.scoring.scenes import score_run, traffic
 
 EPISODES, STEPS = 3, 80
 

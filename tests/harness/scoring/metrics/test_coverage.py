@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import Scene
+from tests.harness.scoring.scenes import Scene, score_run
 
 STEPS = np.arange(40)
 

@@ -6,8 +6,8 @@ import pytest
 
 from harness.decisions.decide import driver_of
 from harness.scoring.driving.asked import DriverSetup
-from harness.scoring.score import score_run
 from mmpf.map.corridor_road import highway
+from tests.harness.scoring.scenes import score_run
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
 MIDDLE, LEFT = 1.5 * 3.66, 2.5 * 3.66

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring.score import score_run
+from tests.harness.scoring.scenes import score_run
 
 STEPS, STEP_S = 60, 0.1
 # Vehicle, speed, gap in its detections, whether its track goes on through the gap, whether it is parked.

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from harness.scoring.metrics.unseen_turns import distance_to_line
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import STEP_S, Scene
+from tests.harness.scoring.scenes import STEP_S, Scene, score_run
 
 STEPS = 100
 STEP = np.arange(STEPS)

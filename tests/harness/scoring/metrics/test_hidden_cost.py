@@ -9,8 +9,7 @@ import pytest
 
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import gather
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import Scene, traffic
+from tests.harness.scoring.scenes import Scene, score_run, traffic
 
 CUTOFF_M = 10.0
 SEEN, UNSEEN = list(range(5)), list(range(5, 10))

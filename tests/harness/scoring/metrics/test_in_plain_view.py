@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from harness.scoring.metrics.in_plain_view import worst_share
-from harness.scoring.score import RunScorer, score_run
-from tests.harness.scoring.scenes import STEP_S, Scene, traffic
+from harness.scoring.score import RunScorer
+from tests.harness.scoring.scenes import STEP_S, Scene, score_run, traffic
 
 STEPS = 40
 # Half a second of the four in plain view is not asked for.

@@ -5,8 +5,7 @@ import pytest
 
 from harness.scoring.evidence.rows import read_run
 from harness.scoring.metrics.manoeuvre import LEFT, ONCOMING, RIGHT, STRAIGHT, manoeuvres
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import STEP_S, Scene
+from tests.harness.scoring.scenes import STEP_S, Scene, score_run
 
 STEPS = 60
 TIME_S = STEP_S * np.arange(STEPS)

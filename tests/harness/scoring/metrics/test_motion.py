@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import STEP_S, Scene
+from tests.harness.scoring.scenes import STEP_S, Scene, score_run
 
 STEPS = 40
 STEP = np.arange(STEPS)

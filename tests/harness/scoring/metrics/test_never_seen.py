@@ -6,8 +6,7 @@ import pytest
 
 from harness.scoring.evidence.unseen import _distances
 from harness.scoring.metrics.never_seen import NAME
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import Scene
+from tests.harness.scoring.scenes import Scene, score_run
 
 STEPS = np.arange(60)
 PLACES = 100.0, 125.0

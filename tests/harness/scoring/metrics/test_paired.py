@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.scoring.metrics.paired import paired_errors
-from harness.scoring.score import score_run
-from tests.harness.scoring.scenes import Scene
+from tests.harness.scoring.scenes import Scene, score_run
 
 
 def test_two_trackers_are_compared_only_where_both_follow_the_vehicle():

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.scoring.score import score_run
+from tests.harness.scoring.scenes import score_run
 
 STEPS, STEP_S = 60, 0.1
 FROM, LONG, SHORT = 20, 20, 10

@@ -20,10 +20,9 @@ from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import completed, quantities, register, view
-from harness.scoring.score import score_run
 from harness.storage.grid_rows import flattened
 from mmpf.map.corridor_road import highway
-from tests.harness.scoring.scenes import traffic
+from tests.harness.scoring.scenes import score_run, traffic
 
 
 @pytest.fixture(autouse=True)
