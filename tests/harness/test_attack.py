@@ -33,6 +33,7 @@ from tests.harness.truth.recorded.detected.made import write_kitti
 from tests.harness.truth.recorded.detected.test_av2 import write_av2
 from tests.harness.truth.recorded.layouts import (
     Car,
+    edited,
     ngsim_rows,
     write_commonroad,
     write_fcd,
@@ -94,24 +95,6 @@ def recording(write: Callable[[Path], object], word: str, *form: str, code: int 
         return ["run", "--replay", "a", *TRACKER, *OUT[code == 0 :], *form]
 
     return Input(make, word, code)
-
-
-def edited(
-    write: Callable[[Path], Path],
-    pattern: str,
-    new: str | Callable[[re.Match[str]], str],
-    count: int = 0,
-    file: str = "",
-) -> Callable[[Path], None]:
-    """Return what writes a recording and replaces what a pattern finds in one of its files."""
-
-    def made(path: Path) -> None:
-        write(path)
-        text, changed = re.subn(pattern, new, (path / file).read_text(), count=count, flags=re.DOTALL)
-        assert changed
-        (path / file).write_text(text)
-
-    return made
 
 
 def ngsim(**changes: object) -> Callable[[Path], None]:
@@ -200,11 +183,6 @@ def truth(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Callable[[Path], No
     return lambda folder: rewrite(folder, "truth.parquet", change(pd.read_parquet(folder / "truth.parquet")))
 
 
-def deep(folder: Path) -> list[str]:
-    (scene(folder) / "metrics.json").write_text("[" * 100_000)
-    return ["compare", "scene", "scene"]
-
-
 def swapped(found: re.Match[str]) -> str:
     return f"{'right' if found[1] == 'left' else 'left'}Bound"
 
@@ -244,14 +222,7 @@ AT_ONCE = VEHICLES.replace('number="3"', 'number="40"')
 INPUTS: dict[str, Input] = {
     # Options of commands: 9.
     "compare over a file [opt168]": Input(
-        lambda folder: [
-            "compare",
-            str(scene(folder)),
-            str(folder / "scene"),
-            "--html",
-            write_fcd(folder / "fc.xml").name,
-        ],
-        "--html",
+        lambda folder: ["compare", *[str(scene(folder))] * 2, "--html", write_fcd(folder / "fc.xml").name], "--html"
     ),
     "gap bias 1e308": option("drive --gap-bias 1e308", "--gap-bias"),
     "gap bias -100": option("drive --gap-bias -100", "--gap-bias"),
@@ -291,14 +262,7 @@ INPUTS: dict[str, Input] = {
     "a name of 100 kB [fcd33]": recording(edited(write_fcd, 'id="7"', f'id="{"x" * 100_000}"'), "100000 letters"),
     "a pose 1e300 away [kitti11]": recording(kitti(lambda words, k: [*words[:3], "1e300", *words[4:]]), "pose", *KITTI),
     "all x equal [cr06]": recording(edited(write_commonroad, "<x>[^<]*</x>", "<x>1</x>"), "no width"),
-    "bounds swapped [cr09]": recording(
-        edited(
-            write_commonroad,
-            "(left|right)Bound",
-            swapped,
-        ),
-        "no width",
-    ),
+    "bounds swapped [cr09]": recording(edited(write_commonroad, "(left|right)Bound", swapped), "no width"),
     "rows of another site": recording(ngsim(Location="i-80"), "i-80"),
     "one column in metres": recording(side_by_side_in_metres, "in one place"),
     "vehicle 7.5": recording(ngsim(Vehicle_ID=7.5), "Vehicle_ID"),
@@ -322,18 +286,11 @@ INPUTS: dict[str, Input] = {
         kitti(lambda words, k: [*words[:11], "20000"] if k > 30 else words), "pose 30", *KITTI
     ),
     "times as text": recording(
-        av2(BOXES, lambda rows: rows.assign(timestamp_ns=rows.timestamp_ns.astype(str))),
-        "timestamp_ns",
-        *AV2,
+        av2(BOXES, lambda rows: rows.assign(timestamp_ns=rows.timestamp_ns.astype(str))), "timestamp_ns", *AV2
     ),
     "poses at 1e300 m": recording(av2(POSES, lambda rows: rows.assign(tx_m=1e300)), "city_SE3", *AV2),
     # Networks: 13.
-    "a detector in the net [own]": network(
-        "",
-        0,
-        net=within_net(LOOP),
-        routes=AT_ONCE,
-    ),
+    "a detector in the net [own]": network("", 0, net=within_net(LOOP), routes=AT_ONCE),
     "edge data in the net [sec02]": network("crashed", net=within_net('<edgeData id="d" freq="1" file="victim"/>')),
     "a probe in the net [sec04]": network("", 0, net=within_net(PROBE), routes=AT_ONCE),
     "a probe [net25]": network("", 0, additional=f"<a>{PROBE}</a>", routes=AT_ONCE),

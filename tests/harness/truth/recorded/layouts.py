@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -163,6 +164,24 @@ def write_fcd(path: Path, cars: Sequence[Car] = CARS, step_s: float = 0.1, attri
     )
     path.write_text(f'<?xml version="1.0"?>\n<fcd-export>\n{text}\n</fcd-export>\n')
     return path
+
+
+def edited(
+    write: Callable[[Path], Path],
+    pattern: str,
+    new: str | Callable[[re.Match[str]], str],
+    count: int = 0,
+    file: str = "",
+) -> Callable[[Path], None]:
+    """Return what writes a recording and replaces what a pattern finds in one of its files."""
+
+    def made(path: Path) -> None:
+        write(path)
+        text, changed = re.subn(pattern, new, (path / file).read_text(), count=count, flags=re.DOTALL)
+        assert changed
+        (path / file).write_text(text)
+
+    return made
 
 
 def opened(path: Path, ego: str = "auto", duration_s: float = 60.0, net: str | None = None) -> RecordedTrafficTruth:

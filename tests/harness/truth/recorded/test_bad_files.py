@@ -1,17 +1,25 @@
-"""Files that are no recording are refused at once, in one line that names the file."""
+"""Files that are no recording, or one that nobody drove: refused at once, in one line that names the file."""
+
+from __future__ import annotations
 
 import os
+import re
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from harness.commands.app import run_command_line
 from harness.common.errors import InputError
+from harness.common.untrusted_files import number
 from harness.truth.recorded.fcd import read_fcd
+from harness.truth.recorded.source import open_recorded_traffic
 from tests.harness.truth.recorded.layouts import (
     NGSIM_HEADER,
+    edited,
     ngsim_rows,
+    opened,
     write_commonroad,
     write_fcd,
     write_highd,
@@ -19,163 +27,121 @@ from tests.harness.truth.recorded.layouts import (
     write_ngsim_text,
 )
 
-
-def empty(folder: Path) -> Path:
-    (folder / "file").touch()
-    return folder / "file"
+FRAME, TIME, LAT, LON, LENGTH, WIDTH, SPEED = 1, 3, 4, 5, 8, 9, 11
+EVERY = slice(None)
 
 
-def huge_binary(folder: Path) -> Path:
-    path = folder / "file"
+def ngsim(columns: int | tuple[int, ...], change: Callable[[float], object], rows: slice = EVERY):
+    """Return what writes a recording with some columns of some rows changed."""
+
+    def write(path: Path) -> None:
+        table = ngsim_rows()
+        for row in table[rows]:
+            for column in (columns,) if isinstance(columns, int) else columns:
+                row[column] = change(row[column])
+        write_ngsim_csv(path, table)
+
+    return write
+
+
+def metres(feet: float) -> float:
+    return 0.3048 * feet
+
+
+def huge_binary(path: Path) -> None:
     path.write_bytes(b"\x7fELF\x02\x01\x01")
     os.truncate(path, 1 << 30)
-    return path
 
 
-def huge_noise_behind_a_header(folder: Path) -> Path:
-    path = write_ngsim_csv(folder / "file")
-    with path.open("ab") as file:
-        file.write(os.urandom(1 << 20))
-    os.truncate(path, 1 << 30)
-    return path
+def without_a_column(path: Path) -> None:
+    kept = [place for place, name in enumerate(NGSIM_HEADER.split(",")) if name != "Local_Y"]
+    rows = [[[*row, "us-101"][place] for place in kept] for row in ngsim_rows()]
+    write_ngsim_csv(path, rows, ",".join(NGSIM_HEADER.split(",")[place] for place in kept))
 
 
-def prose(folder: Path) -> Path:
-    (folder / "file").write_text("It was a bright cold day in April.\n" * 50)
-    return folder / "file"
+def cut(write: Callable[[Path], Path], share: float = 0.6) -> Callable[[Path], None]:
+    return lambda path: os.truncate(write(path), int(path.stat().st_size * share))
 
 
-def other_xml(folder: Path) -> Path:
-    (folder / "file").write_text("<?xml version='1.0'?><net><edge/></net>")
-    return folder / "file"
+def standing(time_steps: str) -> str:
+    return (
+        '<staticObstacle id="900"><type>parkedVehicle</type><shape><rectangle><length>4</length><width>2</width>'
+        "</rectangle></shape><initialState><position><point><x>0</x><y>0</y></point></position><orientation><exact>0</exact>"
+        f"</orientation><time><exact>{time_steps}</exact></time></initialState></staticObstacle>"
+    )
 
 
-def cut(path: Path, share: float = 0.6) -> Path:
-    os.truncate(path, int(path.stat().st_size * share))
-    return path
+def late_obstacle(path: Path) -> None:
+    write_commonroad(path, extra=standing("0"))
+    text = path.read_text()
+    path.write_text(re.sub(r"<exact>50</exact>(?=</time>)", "<exact>2000000000</exact>", text))
 
 
-def column_missing(folder: Path) -> Path:
-    names = NGSIM_HEADER.split(",")
-    keep = [k for k, name in enumerate(names) if name != "Local_Y"]
-    rows = [[[*row, "us-101"][k] for k in keep] for row in ngsim_rows()]
-    return write_ngsim_csv(folder / "file", rows, ",".join(names[k] for k in keep))
+NO_RECORDING: dict[str, Callable[[Path], object]] = {
+    "nothing": Path.touch,
+    "a huge binary": huge_binary,
+    "prose": lambda path: path.write_text("It was a bright cold day in April.\n" * 50),
+    "other XML": lambda path: path.write_text("<?xml version='1.0'?><net><edge/></net>"),
+    "a column missing": without_a_column,
+    "a column of text missing": lambda path: write_ngsim_text(path, [row[:-1] for row in ngsim_rows()]),
+    "the last row cut": edited(write_ngsim_csv, r".{40}\Z", ""),
+    "CommonRoad cut": cut(write_commonroad),
+    "CommonRoad cut in its head": cut(write_commonroad, 0.1),
+    "floating-car data cut": cut(write_fcd),
+    "CommonRoad of another version": lambda path: write_commonroad(path, version="2017a"),
+    "no lanelets": edited(write_commonroad, "(</?)lanelet(?=[ >])", r"\1other"),
+    "highD without meta data": lambda path: (write_highd(path) / "01_tracksMeta.csv").unlink(),
+    "highD without a column": edited(write_highd, "xVelocity", "speed", 1, "01_tracks.csv"),
+}
+NO_TRAFFIC: dict[str, Callable[[Path], object]] = {
+    "a word for a number": ngsim(LON, lambda value: "far", slice(17, 18)),
+    "a number missing": ngsim(LON, lambda value: "", slice(17, 18)),
+    "a vehicle's positions in metres": ngsim((LAT, LON), metres, slice(51, 102)),
+    "positions in metres from some row on": ngsim((LAT, LON), metres, slice(30, 51)),
+    "everything in metres": ngsim((LAT, LON, LENGTH, WIDTH, SPEED), metres),
+    "sizes in metres": ngsim((LENGTH, WIDTH), metres, slice(20, 40)),
+    "time runs back": ngsim(TIME, lambda value: value - 1500, slice(20, 30)),
+    "time and frames run back": lambda path: write_ngsim_csv(
+        path, [*ngsim_rows()[:20], *ngsim_rows()[20:30][::-1], *ngsim_rows()[30:]]
+    ),
+    "time stands still": ngsim(TIME, lambda value: value - 100, slice(20, 21)),
+    "fcd time runs back": edited(write_fcd, 'time="2.00"', 'time="1.20"'),
+    "CommonRoad's time runs back": edited(write_commonroad, "<time><exact>20</exact>", "<time><exact>11</exact>", 1),
+    "fcd in degrees": edited(write_fcd, ' x="', ' x="0.0'),
+    "width 0": ngsim(WIDTH, lambda value: 0.0),
+    "width negative": ngsim(WIDTH, lambda value: -value),
+    "width nan": ngsim(WIDTH, lambda value: "nan"),
+    "width 1e9": ngsim(WIDTH, lambda value: 1e9),
+    "speeds negated": ngsim(SPEED, lambda value: -value),
+    "speed infinite": ngsim(SPEED, lambda value: "inf"),
+    "positions reversed": ngsim(LON, lambda value: 2000.0 - value),
+    "150 m off the road": ngsim(LAT, lambda value: value + 500.0),
+    "positions far away": ngsim(LON, lambda value: value + 1e12),
+    "time step 0": edited(write_commonroad, 'timeStepSize="0.1"', 'timeStepSize="0"'),
+    "time step negative": edited(write_commonroad, 'timeStepSize="0.1"', 'timeStepSize="-1"'),
+    "time step huge": edited(write_commonroad, 'timeStepSize="0.1"', 'timeStepSize="1e9"'),
+    "a time of two thousand million": late_obstacle,
+    "lanelet far away": edited(write_commonroad, r"<x>[^<]*</x>", "<x>1e15</x>", 1),
+    "fcd length infinite": edited(write_fcd, r'length="[^"]*"', 'length="inf"', 1),
+    "fcd width 0": edited(write_fcd, r'width="[^"]*"', 'width="0"'),
+    "fcd speed infinite": edited(write_fcd, r'speed="[^"]*"', 'speed="inf"', 1),
+    "width in Python's spelling": ngsim(WIDTH, lambda value: "1_0"),
+    "fcd width in Python's spelling": edited(write_fcd, r'width="[^"]*"', 'width="1_0"', 1),
+    "fcd place in Python's spelling": edited(write_fcd, r' y="[^"]*"', ' y="1_0"', 1),
+    "fcd time in another script's digits": edited(write_fcd, r'time="0.00"', 'time="\u0660"', 1),
+    "a size in Python's spelling": edited(write_commonroad, "<length>[^<]*</length>", "<length>1_0</length>", 1),
+    "a time step in Python's spelling": edited(write_commonroad, 'timeStepSize="0.1"', 'timeStepSize="0_0.1"'),
+    "fcd time nan": edited(write_fcd, r'time="[^"]*"', 'time="nan"', 1),
+}
 
 
-def text_column_missing(folder: Path) -> Path:
-    return write_ngsim_text(folder / "file", [row[:-1] for row in ngsim_rows()])
-
-
-def row_cut(folder: Path) -> Path:
-    path = write_ngsim_csv(folder / "file")
-    path.write_text(path.read_text()[:-40])
-    return path
-
-
-def word_for_number(folder: Path) -> Path:
-    rows = ngsim_rows()
-    rows[17][5] = "far"
-    return write_ngsim_csv(folder / "file", rows)
-
-
-def number_missing(folder: Path) -> Path:
-    rows = ngsim_rows()
-    rows[17][5] = ""
-    return write_ngsim_csv(folder / "file", rows)
-
-
-def scaled(columns: tuple[int, ...], chosen: slice) -> list[list[object]]:
-    rows = ngsim_rows()
-    for row in rows[chosen]:
-        for column in columns:
-            row[column] = row[column] * 0.3048
-    return rows
-
-
-def some_positions_in_metres(folder: Path) -> Path:
-    return write_ngsim_csv(folder / "file", scaled((4, 5), slice(51, 102)))
-
-
-def positions_in_metres_from_some_row_on(folder: Path) -> Path:
-    return write_ngsim_csv(folder / "file", scaled((4, 5), slice(30, 51)))
-
-
-def everything_in_metres(folder: Path) -> Path:
-    return write_ngsim_csv(folder / "file", scaled((4, 5, 8, 9, 11), slice(None)))
-
-
-def sizes_in_metres(folder: Path) -> Path:
-    return write_ngsim_csv(folder / "file", scaled((8, 9), slice(20, 40)))
-
-
-def time_runs_back(folder: Path) -> Path:
-    rows = ngsim_rows()
-    for row in rows[20:30]:
-        row[3] -= 1500
-    return write_ngsim_csv(folder / "file", rows)
-
-
-def time_and_frames_run_back(folder: Path) -> Path:
-    rows = ngsim_rows()
-    return write_ngsim_csv(folder / "file", [*rows[:20], *rows[20:30][::-1], *rows[30:]])
-
-
-def time_stands_still(folder: Path) -> Path:
-    rows = ngsim_rows()
-    rows[20][3] = rows[19][3]
-    return write_ngsim_csv(folder / "file", rows)
-
-
-def fcd_time_runs_back(folder: Path) -> Path:
-    path = write_fcd(folder / "file")
-    path.write_text(path.read_text().replace('time="2.00"', 'time="1.20"'))
-    return path
-
-
-def commonroad_time_runs_back(folder: Path) -> Path:
-    path = write_commonroad(folder / "file")
-    path.write_text(path.read_text().replace("<time><exact>20</exact>", "<time><exact>11</exact>", 1))
-    return path
-
-
-def fcd_in_degrees(folder: Path) -> Path:
-    path = write_fcd(folder / "file")
-    lines = [line.replace(' x="', ' x="0.0') for line in path.read_text().splitlines()]
-    path.write_text("\n".join(lines))
-    return path
-
-
-def commonroad_without_lanelets(folder: Path) -> Path:
-    path = write_commonroad(folder / "file")
-    path.write_text(path.read_text().replace("<lanelet ", "<other ").replace("</lanelet>", "</other>"))
-    return path
-
-
-def commonroad_of_another_version(folder: Path) -> Path:
-    return write_commonroad(folder / "file", version="2017a")
-
-
-def highd_without_meta(folder: Path) -> Path:
-    write_highd(folder / "file")
-    (folder / "file" / "01_tracksMeta.csv").unlink()
-    return folder / "file"
-
-
-def highd_without_a_column(folder: Path) -> Path:
-    path = write_highd(folder / "file") / "01_tracks.csv"
-    path.write_text(path.read_text().replace("xVelocity", "speed", 1))
-    return path
-
-
-BAD = (
-    empty, huge_binary, prose, other_xml, column_missing, text_column_missing, row_cut, word_for_number,
-    number_missing, some_positions_in_metres, positions_in_metres_from_some_row_on, everything_in_metres,
-    sizes_in_metres, time_runs_back, time_and_frames_run_back, time_stands_still, fcd_time_runs_back,
-    commonroad_time_runs_back, fcd_in_degrees, commonroad_without_lanelets, commonroad_of_another_version,
-    highd_without_meta, highd_without_a_column,
-    lambda folder: cut(write_commonroad(folder / "file")), lambda folder: cut(write_fcd(folder / "file")),
-    lambda folder: cut(write_commonroad(folder / "file"), 0.1),
-)  # fmt: skip
+@pytest.mark.parametrize("name", [*NO_RECORDING, *NO_TRAFFIC])
+def test_what_is_no_recording_or_no_traffic_is_refused_in_one_line(name, tmp_path):
+    path = tmp_path / "recording"
+    (NO_RECORDING | NO_TRAFFIC)[name](path)
+    with pytest.raises(InputError, match="recording") as told:
+        opened(path, duration_s=10.0)
+    assert "\n" not in str(told.value)
 
 
 def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -192,11 +158,11 @@ def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return err
 
 
-@pytest.mark.parametrize("make", BAD, ids=lambda make: make.__name__.strip("<>"))
-def test_a_file_that_is_no_recording_is_refused_in_one_line(make, capsys, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", NO_RECORDING)
+def test_the_command_refuses_it_in_one_line_and_leaves_nothing(name, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = make(tmp_path)
-    told = refused(["run", "--replay", str(path), "--tracker", "tests.harness.stand_ins:echo_tracker"], capsys)
+    NO_RECORDING[name](tmp_path / "file")
+    told = refused(["run", "--replay", "file", "--tracker", "tests.harness.stand_ins:echo_tracker"], capsys)
     assert "file" in told
     assert not (tmp_path / "results").exists() or not list((tmp_path / "results").iterdir())
 
@@ -204,7 +170,10 @@ def test_a_file_that_is_no_recording_is_refused_in_one_line(make, capsys, tmp_pa
 @pytest.mark.slow
 def test_a_gigabyte_of_noise_behind_a_good_head_is_refused_too(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = huge_noise_behind_a_header(tmp_path)
+    path = write_ngsim_csv(tmp_path / "file")
+    with path.open("ab") as file:
+        file.write(os.urandom(1 << 20))
+    os.truncate(path, 1 << 30)
     refused(["run", "--replay", str(path)], capsys)
 
 
@@ -244,3 +213,81 @@ def test_floating_car_data_on_a_network_of_many_roads_is_one_clear_line(tmp_path
     with pytest.raises(InputError, match="with a main road") as error:
         read_fcd(tmp_path / "fcd.xml", str(tmp_path / "own.sumocfg"))
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("rate", "accepted"),
+    [("25", True), ("0", False), ("nan", False), ("-25", False), ("1e9", False), ("0x10", False), ("2_5", False)],
+)
+def test_a_frame_rate_is_a_cameras(rate, accepted, tmp_path):
+    folder = write_highd(tmp_path / "recording")
+    meta = folder / "01_recordingMeta.csv"
+    meta.write_text(meta.read_text().replace("\n1,25,", f"\n1,{rate},"))
+    if accepted:
+        assert open_recorded_traffic(folder, "highd", "recording", "auto", 10.0).expected_steps
+    else:
+        with pytest.raises(InputError, match=r"frameRate|recordingMeta\.csv: broken CSV"):
+            open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+
+
+@pytest.mark.parametrize("upper", ["inf;7.75;11.50;15.25", "4.00;7.75;11.50;1_5.25", "4.00;7.75;11.50;1e400", "4"])
+def test_lane_markings_that_nobody_drives_between_are_checked_too(upper, tmp_path):
+    folder = write_highd(tmp_path / "recording")
+    meta = folder / "01_recordingMeta.csv"
+    text = meta.read_text()
+    meta.write_text(text.replace("4.00;7.75;11.50;15.25", upper))
+    with pytest.raises(InputError, match=r"upperLaneMarkings is '"):
+        open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+    meta.write_text(text.replace("4.00;7.75;11.50;15.25", ""))
+    assert open_recorded_traffic(folder, "highd", "recording", "auto", 10.0).expected_steps
+
+
+@pytest.mark.parametrize(
+    ("row", "column"), [("nan,2", "id"), (",2", "id"), ("7.5,2", "id"), ("7,3", "drivingDirection")]
+)
+def test_meta_data_name_vehicles_and_directions_that_there_are(row, column, tmp_path):
+    folder = write_highd(tmp_path / "recording")
+    meta = folder / "01_tracksMeta.csv"
+    meta.write_text(meta.read_text().replace("\n7,2,", f"\n{row},"))
+    with pytest.raises(InputError, match=rf"01_tracksMeta\.csv: {column}"):
+        open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+
+
+@pytest.mark.parametrize("text", ["1_0", "\u0661", "nan", "inf", "1e400", "0x10", "", "x", "1,0"])
+def test_a_number_of_a_file_is_one_that_every_program_reads_alike(text):
+    with pytest.raises(ValueError, match="is not a number"):
+        number(text)
+    assert [number(good) for good in ("10", " -1.5e2 ", "+.5")] == [10.0, -150.0, 0.5]
+
+
+@pytest.mark.parametrize("markings", ["20;;23.75", "20;23.75;27.5;-1e2", "20;20", "20;900", "31.25;27.5;23.75;20"])
+def test_lane_markings_are_in_order_and_lanes_as_wide_as_lanes(markings, tmp_path):
+    folder = write_highd(tmp_path / "recording")
+    meta = folder / "01_recordingMeta.csv"
+    meta.write_text(meta.read_text().replace("20.00;23.75;27.50;31.25", markings))
+    with pytest.raises(InputError, match=r"lowerLaneMarkings is '"):
+        open_recorded_traffic(folder, "highd", "recording", "auto", 10.0)
+
+
+@pytest.mark.parametrize("option", ["--replay", "--config", "--model-file"])
+def test_a_pipe_is_refused_and_not_waited_for(option, tmp_path, capsys):
+    os.mkfifo(tmp_path / "pipe")
+    assert run_command_line(["run", option, str(tmp_path / "pipe"), "--out", str(tmp_path / "run")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("option", ["--replay", "--config", "--model-file", "--net", "--out"])
+def test_a_name_that_is_too_long_is_told_in_one_line(option, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_command_line(["run", option, "x" * 300]) == 2
+    told = capsys.readouterr().err
+    assert option in told
+    assert len(told.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "setting", ["traffic.recording=5", "traffic=5", "tracker=1", "sensor=[]", "traffic.recording=[]"]
+)
+def test_a_value_in_the_place_of_a_table_is_told_in_one_line(setting, tmp_path, capsys):
+    assert run_command_line(["run", "--set", setting, "--out", str(tmp_path / "run")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
