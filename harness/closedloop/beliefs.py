@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -14,16 +14,15 @@ from harness.scoring.driving.believed import HEADING_M, HEADING_S
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.sensor.observation import Look
-from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT
+from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import Detections
 from mmpf.tracks import TENTATIVE, Tracks
 
-TRUTH, DRIVERSTATE = "truth", "driverstate"
-WITHOUT_TRACKER = (TRUTH, DRIVERSTATE)
-"""Beliefs that no tracker's output enters."""
+TRUTH = "truth"
+"""The belief that no tracker's output enters."""
 
 
 class Perception(Protocol):
@@ -105,43 +104,9 @@ class TrackedPerception:
         return (length / count, width / count) if count else (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
 
 
-@dataclass
-class HumanPerception:
-    """What a human driver perceives: vehicles in sight alone, with errors of gap and speed that drift.
-
-    SUMO's ``device.driverstate`` can't be attached to a vehicle that is on its way, so this is its error process: an
-    Ornstein-Uhlenbeck process e of time scale 100 s times the awareness A in (0, 1] and noise intensity 0.2 (1 - A). A
-    gap g is perceived as g (1 + 0.75 e), a difference of speed as it is plus 0.15 e g. Its thresholds of perception are
-    left out.
-    """
-
-    road: Road
-    rng: np.random.Generator
-    step_s: float
-    awareness: float = 0.5
-    _error: float = 0.0
-
-    def bodies(self, look: Look, tracks: Tracks) -> Bodies:  # noqa: ARG002
-        """Return the vehicles in sight; see ``Perception``."""
-        share = self.step_s / (100.0 * self.awareness)
-        noise = 0.2 * (1.0 - self.awareness) * np.sqrt(2.0 * share)
-        self._error = float(np.exp(-share) * self._error + noise * self.rng.standard_normal())
-        frame = look.frame
-        seen = ~np.isin(look.observation.state, (HIDDEN, OUT))
-        bodies = true_bodies(frame, seen)
-        away, across = bodies.lon_m - frame.lon_m[frame.ego], bodies.lat_m - frame.lat_m[frame.ego]
-        line_rad = self.road.axis_of(np.arctan2(across, away))
-        far = away * np.cos(line_rad) + across * np.sin(line_rad)
-        gap = np.maximum(np.abs(far) - 0.5 * (bodies.length_m + frame.length_m[frame.ego]), 0.0)
-        shift = np.sign(far) * (0.75 * self._error * gap)
-        lon_m, lat_m = bodies.lon_m + shift * np.cos(line_rad), bodies.lat_m + shift * np.sin(line_rad)
-        return replace(bodies, lon_m=lon_m, lat_m=lat_m, speed_mps=bodies.speed_mps + 0.15 * self._error * gap)
-
-
-def true_bodies(frame: Frame, chosen: BoolArray | None = None) -> Bodies:
+def true_bodies(frame: Frame) -> Bodies:
     """Return the vehicles of a frame, or the chosen ones, without the ego."""
-    others = np.arange(len(frame)) != frame.ego
-    kept = np.flatnonzero(others if chosen is None else others & chosen)
+    kept = np.flatnonzero(np.arange(len(frame)) != frame.ego)
     return Bodies(
         step=np.zeros(len(kept), dtype=np.int64),
         lon_m=frame.lon_m[kept],

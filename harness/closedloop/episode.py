@@ -14,10 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.closedloop.beliefs import (
-    DRIVERSTATE,
     TRUTH,
-    WITHOUT_TRACKER,
-    HumanPerception,
     Perception,
     TrackedPerception,
     TruePerception,
@@ -54,14 +51,13 @@ from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import AnyTracker
 from harness.truth.frame import Frame
 from harness.truth.sumo.session import sumo_errors_in_words
-from mmpf.map.road import Road
 from mmpf.tracks import Tracks
 from mmpf.undetected.intensity import Unseen
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SENSOR, TRACKER, HUMAN = range(3)
+SENSOR, TRACKER = range(2)
 """Streams of an episode's randomness; none depends on the belief."""
 WithStops = Callable[[Belief], Belief]
 """What becomes of a belief on the way to where the ego must yield."""
@@ -93,7 +89,7 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
         at=at,
         planned=planned,
         driver=driver_of(config.decisions.driver),
-        perception=_perception(planned.variant, road, np.random.default_rng(_child(stream, HUMAN)), traffic.step_s),
+        perception=TruePerception() if planned.variant == TRUTH else TrackedPerception(road),
         sensor=sensor,
         noise=_child(stream, SENSOR),
         passage=at.route.passage(traffic.step_s, planned.heed_unseen),
@@ -106,7 +102,7 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
         stream=loop.looks(),
     )
     evaluation = evaluation_of(config, looks)
-    if planned.heed_unseen is not None and loop.passage is not None and planned.variant not in WITHOUT_TRACKER:
+    if planned.heed_unseen is not None and loop.passage is not None and planned.variant != TRUTH:
         loop.unseen = UnseenOfTracks(evaluation.looks.road, evaluation.looks.sensor)
     evaluation.follow((loop.watch,), _child(stream, TRACKER))
     drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
@@ -127,12 +123,6 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
         return EpisodeResult(table, evaluation.recorded(), None)
     evaluated = evaluation.finish()
     return EpisodeResult(table, evaluated.tables, evaluated)
-
-
-def _perception(belief: str, road: Road, rng: np.random.Generator, step_s: float) -> Perception:
-    if belief == TRUTH:
-        return TruePerception()
-    return HumanPerception(road, rng, step_s) if belief == DRIVERSTATE else TrackedPerception(road)
 
 
 @dataclass
@@ -205,7 +195,7 @@ class _Loop:
 
     def _is_withheld(self, look: Look, leader: int, told: Bodies) -> bool:
         """Return whether the tracker fails to report the vehicle directly ahead, a true body; -1 for none."""
-        if leader < 0 or self.planned.variant in WITHOUT_TRACKER:
+        if leader < 0 or self.planned.variant == TRUTH:
             return False
         others = np.flatnonzero(np.arange(len(look.frame)) != look.frame.ego)
         return self.sight.withholds(look, int(others[leader]), told)

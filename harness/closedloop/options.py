@@ -21,11 +21,9 @@ class DriveOptions(TypedDict, total=False):
     perception: Annotated[
         str,
         Option(
-            "What the ego's driver sees: truth, detections, driverstate (a model of human perception), or trackers as "
-            "in 'stress'. Truth is always included.",
+            "What the ego's driver sees: truth, detections, or trackers as in 'stress'. Truth is always included.",
             panel=DRIVES,
             default="truth,mmpf,detections",
-            earlier="--beliefs",
         ),
     ]
     episodes: Annotated[

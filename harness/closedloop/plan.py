@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.closedloop.beliefs import TRUTH, WITHOUT_TRACKER
+from harness.closedloop.beliefs import TRUTH
 from harness.common.errors import InputError
 from harness.config.lists import MOST_SEED, names
 from harness.config.model import RunConfig, TrafficConfig
@@ -115,7 +115,7 @@ class PlannedDrive(PlannedRun):
 
     def identity(self) -> dict[str, Any]:
         """Return the columns that identify this drive; ``variant`` alone names the belief."""
-        tracker = None if self.variant in WITHOUT_TRACKER else self.config.tracker.name
+        tracker = None if self.variant == TRUTH else self.config.tracker.name
         own = {"tracker": tracker, "model": None, "update": None, KIND: self.kind}
         return super().identity() | own
 
@@ -206,7 +206,7 @@ def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, Ru
     """Return each belief's configuration, as a stress test on the same lists would have it."""
     if any(word.strip().startswith("altered.") for word in request.settings):
         raise InputError("`settings`: altered.* is for run and stress; set sensor.* here, such as sensor.burst_share")
-    trackers = dict.fromkeys(STAND_IN if belief in WITHOUT_TRACKER else belief for belief in beliefs)
+    trackers = dict.fromkeys(STAND_IN if belief == TRUTH else belief for belief in beliefs)
     words = [] if request.driver is None else [f"decisions.driver={request.driver}"]
     grid = GridRequest(
         net=request.net,
@@ -223,4 +223,4 @@ def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, Ru
     except InputError as error:
         told = str(error).replace("`trackers`", "`perception`").replace("`densities`", "`density`")
         raise InputError(told) from None
-    return {belief: configs[STAND_IN if belief in WITHOUT_TRACKER else belief] for belief in beliefs}
+    return {belief: configs[STAND_IN if belief == TRUTH else belief] for belief in beliefs}

@@ -33,16 +33,12 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
 
 
 def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> list[str]:
-    """Return what was typed, with a value after each option that may be typed without one, and names of today."""
+    """Return what was typed, with a value after each option that may be typed without one."""
     table = get_type_hints(command).get("options")
     entries = {} if table is None else declared(table)
-    options = {f"--{name.replace('_', '-')}": entry.option for name, entry in entries.items()}
-    alone = {flag: option.alone for flag, option in options.items() if option.alone}
-    today = {option.earlier: flag for flag, option in options.items() if option.earlier}
+    alone = {f"--{name.replace('_', '-')}": entry.option.alone for name, entry in entries.items() if entry.option.alone}
     completed: list[str] = []
-    for typed, after in zip(arguments, [*arguments[1:], "--"], strict=True):
-        flag, equals, value = typed.partition("=")
-        word = today.get(flag, flag) + equals + value
+    for word, after in zip(arguments, [*arguments[1:], "--"], strict=True):
         completed.append(word)
         if word in alone and after.startswith("-"):
             completed.append(str(alone[word]))

@@ -39,7 +39,6 @@ class Option:
         least: Smallest value; ``most`` is the largest.
         is_argument: Whether its value is typed without its name.
         alone: Value where its name is typed without one; None if it needs one.
-        earlier: How it was typed before, which still works and is not shown.
     """
 
     help: str
@@ -52,7 +51,6 @@ class Option:
     most: float | None = None
     is_argument: bool = False
     alone: str | None = None
-    earlier: str | None = None
 
 
 # Options that several commands have.

@@ -97,10 +97,11 @@ def mean_errors_by_visibility(part: ErrorPart, basis: Basis) -> dict[str, object
     """Return the mean errors of tracked vehicles by visibility state, and of hidden ones by time since detection.
 
     Returns:
-        ``visible``, ``partial``, ``hidden`` and ``all`` three together, as ``_means`` has them, with the number of
-        vehicle-steps of which ``n`` were followed ``of_n`` and their share ``followed_percent``; and
-        ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and at most
-        ``to_s`` ago, with their ``hidden_outcomes``.
+        ``visible``, ``partial``, ``hidden`` and ``all`` three together: mean errors, nan without rows, and the ends of
+        their 95 % bootstrap intervals over vehicles under ``_ci95``, with the number of vehicle-steps of which ``n``
+        were followed, ``of_n``, and their share ``followed_percent``; ``position_m`` is the mean Euclidean error of the
+        position. ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and
+        at most ``to_s`` ago, with their ``hidden_outcomes``.
     """
     rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
 
@@ -126,11 +127,7 @@ def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArr
 
 
 def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator, draws: int) -> dict[str, object]:
-    """Return the means over the vehicles' ``n`` rows, nan without rows, and the ends of their 95 % bootstrap intervals.
-
-    The ends stand under ``_ci95``, None with fewer than two vehicles; ``position_m`` is the mean Euclidean error of the
-    position.
-    """
+    """Return the table of means over the vehicles' ``n`` rows; the ends are None with fewer than two vehicles."""
     total = counts.sum(axis=0)
     means = np.divide(sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
     intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng, draws=draws), strict=True))

@@ -1,12 +1,10 @@
 """What the driver takes for real."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 import pytest
 
-from harness.closedloop.beliefs import HumanPerception, TrackedPerception
+from harness.closedloop.beliefs import TrackedPerception
 from harness.running.recorder import ColumnRecorder
 from harness.scoring.driving.believed import egos_of, tracked_bodies
 from harness.scoring.evidence.rows import read_run
@@ -14,7 +12,6 @@ from harness.scoring.evidence.settings import ScoringSettings
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Look
 from harness.sensor.profiles import sensor_settings
-from harness.storage.schema import HIDDEN, VISIBLE
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
@@ -72,39 +69,3 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
         for step, bodies in enumerate(found):
             there = sorted(getattr(bodies, name))
             assert there == pytest.approx(expected[step], abs=2e-3 if name[0] == "d" else 2e-4, nan_ok=True), name
-
-
-def test_a_human_sees_what_is_not_hidden_and_errs_as_an_ornstein_uhlenbeck_process_does():
-    frame = frame_of([0.0, 24.5, 60.0], [1.8, 1.8, 1.8], speed=[10.0, 10.0, 10.0])
-    look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE, HIDDEN])))
-    ends = []
-    for seed in range(250):
-        human = HumanPerception(ROAD, np.random.default_rng(seed), step_s=2.0)
-        for _ in range(15):
-            bodies = human.bodies(look, Tracks.none())
-        assert len(bodies) == 1
-        ends.append(bodies.lon_m[0] - 24.5)
-    scale_s, noise = 100.0 * 0.5, 0.2 * 0.5
-    share, keep = 2.0 / scale_s, np.exp(-2.0 / scale_s)
-    variance = noise**2 * 2.0 * share * (1.0 - keep**30) / (1.0 - keep**2)
-    assert np.std(ends) == pytest.approx(0.75 * 20.0 * np.sqrt(variance), rel=0.15)
-    assert abs(np.mean(ends)) < 3.0 * np.std(ends) / np.sqrt(250)
-
-
-def test_an_awake_human_sees_gaps_as_they_are():
-    frame = frame_of([0.0, 24.5], [1.8, 1.8])
-    look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE])))
-    human = HumanPerception(ROAD, np.random.default_rng(0), 0.1, awareness=1.0)
-    assert human.bodies(look, Tracks.none()).lon_m[0] == 24.5
-
-
-@pytest.mark.parametrize(("road", "line"), [(ROAD, [30.0, 0.0]), (LaneGraphRoad(without_map()), [30.0, 40.0])])
-def test_a_human_errs_along_the_road_or_along_the_line_to_the_other_where_the_frame_is_the_plane(road, line):
-    frame = frame_of([0.0, 30.0], [0.0, 40.0])
-    look = SimpleNamespace(frame=frame, observation=SimpleNamespace(state=np.array([VISIBLE, VISIBLE])))
-    bodies = HumanPerception(road, np.random.default_rng(0), 2.0).bodies(look, Tracks.none())
-    moved = np.array([bodies.lon_m[0] - 30.0, bodies.lat_m[0] - 40.0])
-    gap = np.hypot(*line) - 4.5
-    assert bodies.speed_mps[0] - 10.0 == pytest.approx(0.2 * np.sign(moved[0]) * np.hypot(*moved))
-    assert moved / np.hypot(*moved) == pytest.approx(np.sign(moved[0]) * np.array(line) / np.hypot(*line))
-    assert 0.0 < np.hypot(*moved) < gap

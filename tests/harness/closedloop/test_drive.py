@@ -37,7 +37,7 @@ def made(out, **options):
 
 @pytest.mark.slow
 def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_its_own_way():
-    cell = plan_drives(DriveRequest("truth,detections,driverstate", 1, seed=100, density=30.0)).cells[0]
+    cell = plan_drives(DriveRequest("truth,detections", 1, seed=100, density=30.0)).cells[0]
     tables = {}
     with worker.opened(cell) as traffic:
         at = next(worker._episodes(traffic, cell))

@@ -3,12 +3,11 @@
 import pytest
 
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, DriveRequest, plan_drives, with_truth
-from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 
 
 def request(**changes):
-    return DriveRequest(**({"beliefs": "truth,mmpf,driverstate", "episodes": 5, "seed": 7} | changes))
+    return DriveRequest(**({"beliefs": "truth,mmpf,pmbm", "episodes": 5, "seed": 7} | changes))
 
 
 def test_every_second_episode_is_provoked_and_each_pair_has_a_seed_of_its_own():
@@ -31,7 +30,7 @@ def test_every_belief_drives_every_episode():
 
 def test_a_belief_is_one_row_of_its_name_whatever_stands_in_for_its_tracker():
     rows = {run.variant: run.identity() for run in plan_drives(request()).cells[0].runs}
-    assert [rows[name]["tracker"] for name in ("truth", "mmpf", "driverstate")] == [None, "mmpf", None]
+    assert [rows[name]["tracker"] for name in ("truth", "mmpf", "pmbm")] == [None, "mmpf", "pmbm"]
     assert all(row["model"] is None for row in rows.values())
 
 
@@ -88,10 +87,3 @@ def test_the_truth_is_added_where_it_is_missing():
 def test_wrong_lists_are_told_by_their_option(changes, said):
     with pytest.raises(InputError, match=said):
         plan_drives(request(**changes))
-
-
-@pytest.mark.parametrize("flag", ["--perception", "--beliefs"])
-def test_the_earlier_name_of_an_option_still_works(flag, tmp_path, capsys):
-    for words in ([flag, "truth,nosuch"], [f"{flag}=truth,nosuch"]):
-        assert run_command_line(["drive", *words, "--out", str(tmp_path / "out")]) == 2
-        assert "--perception nosuch" in capsys.readouterr().err
