@@ -30,9 +30,7 @@ from harness.analysis.verdicts import (
 from harness.analysis.why import Why
 from harness.common.errors import InputError
 from harness.common.numbers import without_nan
-from harness.scoring.metrics import existence, in_plain_view
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
-from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
 
@@ -40,8 +38,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-YOUNGER = (in_plain_view.NAME, existence.NAME)
-"""Metrics that grids made earlier lack."""
 HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 
 
@@ -168,7 +164,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         values = {
             quantity: [column_of(rows, quantity.key) for rows in matched]
             for quantity in compared_quantities(rules.primary, closed_loop)
-            if _is_told(quantity, rules, matched)
+            if rules.judges(quantity) or any(quantity.key in rows for rows in matched)
         }
         if _in_one_run(a, b) and pairing.layout.paired and all(STEP_TIME.key in rows for rows in matched):
             values[STEP_TIME] = _step_times(*matched)
@@ -182,7 +178,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         differs = (f"traffic or detections of {other} of {compared} pairs, so that nothing is paired", *differs)
     measured = [measure(arm, 0.0 if rules.judges(arm.quantity) else TOLERATED_LOSS) for arm in arms]
     verdicts = _with_values(judge(measured, rules))
-    told = _older_notes(a, b, rules)
+    told: list[str] = []
     if not all(arm.layout.paired for arm in arms):
         told.append("Nothing is paired: whole arms are compared, which shows only larger differences than pairs do.")
     if not (closed_loop or _in_one_run(a, b)):
@@ -268,20 +264,6 @@ def _with_values(verdicts: Iterable[Verdict]) -> tuple[Verdict, ...]:
     return tuple(each for each in verdicts if each.primary or not (np.isnan(each.a) and np.isnan(each.b)))
 
 
-def _is_told(quantity: Quantity, rules: Rules, matched: tuple[pd.DataFrame, pd.DataFrame]) -> bool:
-    """Return whether a metric is shown: it is judged or present, and not new to an older side."""
-    there = [quantity.key in rows for rows in matched]
-    if _is_younger(quantity, rules) and not all(there):
-        return False
-    return rules.judges(quantity) or any(there)
-
-
-def _is_younger(quantity: Quantity, rules: Rules) -> bool:
-    """Return whether grids that are older than a metric are compared without it."""
-    asked_for = rules.primary != PRIMARY and rules.judges(quantity)
-    return quantity.key.partition(".")[0] in YOUNGER and not asked_for
-
-
 def _in_one_run(a: Source, b: Source) -> bool:
     """Return whether the times of both sides were taken on one machine in one run."""
     return a.folder.resolve() == b.folder.resolve()
@@ -292,19 +274,6 @@ def _step_times(a: pd.DataFrame, b: pd.DataFrame) -> list[FloatArray]:
     of_a, of_b = (column_of(rows, STEP_TIME.key) for rows in (a, b))
     with np.errstate(divide="ignore", invalid="ignore"):
         return [of_a / of_a, of_b / of_a]
-
-
-def _older_notes(a: Source, b: Source, rules: Rules) -> list[str]:
-    """Say which judged metrics one side lacks since it is older than they are."""
-    younger = [
-        each.key for each in compared_quantities(rules.primary) if _is_younger(each, rules) and rules.judges(each)
-    ]
-    lacking = {side.name: [key for key in younger if key not in side.rows] for side in (a, b)}
-    if all(lacking.values()):
-        return []
-    return [
-        f"{name} is older than {', '.join(keys)}, so these are not judged." for name, keys in lacking.items() if keys
-    ]
 
 
 def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:

@@ -70,9 +70,7 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDiffere
 
     def measured(quantity: Quantity) -> MetricDifference:
         whole = [column_of(side.rows, quantity.key) for side in (a, b)]
-        older = quantity.key in BY_VEHICLE and quantity.key not in b.rows
-        wanting = "" if older else lost_values(np.isfinite(whole[0]), np.isfinite(whole[1]), True)
-        if wanting:
+        if wanting := lost_values(np.isfinite(whole[0]), np.isfinite(whole[1]), True):
             return MetricDifference(
                 label, quantity, float(whole[0][0]), np.nan, Effect(np.nan, np.nan, 0.0), 0, False, wanting
             )

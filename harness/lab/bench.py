@@ -1,4 +1,4 @@
-"""The time of a tracker's step against the number of vehicles, and the time of the mixtures' sampling.
+"""The time of a tracker's step against the number of vehicles.
 
 All trackers take in the same scans in turns, so that a busy moment of the machine slows all alike. Vehicles stand in
 five lanes at one spacing and drive at one speed; the sensor's range grows with their number. So a larger scene has more
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import resource
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,16 +26,11 @@ from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
 from harness.truth.frame import STEP_S
 from mmpf.map.corridor_road import highway
-from mmpf.motion.gmm.conditional import expand
-from mmpf.motion.gmm.model_file import committed_mixture
-from mmpf.motion.learned.lane_changer import CHANGE
-from mmpf.motion.learned.short_driver import SHORT
 from mmpf.registry import UnknownNameError
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import TENTATIVE
 
 STONE_SOUP = ("stonesoup-gnn", "stonesoup-jpda", "stonesoup-gnn:coarse", "stonesoup-jpda:coarse")
-MIXTURE_PARTICLES, REPETITIONS = 40_000, 15
 WARM_UP_STEPS, SETTLING_STEPS, SOONEST_STEPS, FEWEST_STEPS = 8, 20, 5, 3
 LANES, SPACING_M, JITTER_M, SPEED_MPS = 5, 22.0, 4.0, 15.0
 STD_LON_M, STD_LAT_M = 0.3, 0.2
@@ -154,8 +149,8 @@ def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTr
     return TimedTracker(name, built, *of_mmpf)
 
 
-def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, list[dict[str, Any]]]:
-    """Return ``rows`` of trackers and ``gmm`` of mixtures; ``advance`` is called after each scan of each scene.
+def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> list[dict[str, Any]]:
+    """Return a row for each number of vehicles and tracker; ``advance`` is called after each scan of each scene.
 
     Raises:
         InputError: There is no such tracker or model, or it is none that can be timed.
@@ -185,7 +180,7 @@ def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> dict[str, list[di
             contenders, scans = field_in(vehicles, [plan.seed, vehicles])
             time_in_turns(contenders, scans, plan.budget_s, advance)
             rows += [timed.row(vehicles) for timed in contenders]
-        return {"rows": rows, "gmm": time_mixtures(np.random.default_rng(plan.seed))}
+        return rows
 
 
 def time_in_turns(
@@ -237,34 +232,6 @@ def _scan(
         std_speed_mps=unmeasured,
     )
     return Scan(step * STEP_S, found, ego)
-
-
-def time_mixtures(rng: np.random.Generator) -> list[dict[str, Any]]:
-    """Return a row for each committed mixture: the published 28 components of 5 inputs, and 60 of 14.
-
-    Conditional sampling is timed beside the bare matrix product that it can't do without.
-    """
-    rows: list[dict[str, Any]] = []
-    for kind in (SHORT, CHANGE):
-        mixture = committed_mixture(kind).mixture
-        x = rng.standard_normal((MIXTURE_PARTICLES, mixture.inputs))
-        expanded = expand(x).astype(np.float32)
-        matrix = np.ascontiguousarray(mixture.logit_matrix.T, dtype=np.float32)
-        works: Mapping[str, Callable[[], object]] = {
-            "ms": lambda mixture=mixture, x=x: mixture.sample(x, rng),  # type: ignore[misc]
-            "matrix_product_ms": lambda expanded=expanded, matrix=matrix: expanded @ matrix,  # type: ignore[misc]
-        }
-        took_ms: dict[str, list[float]] = {name: [] for name in works}
-        for _ in range(REPETITIONS + 1):
-            for name, work in works.items():
-                begin = perf_counter()
-                work()
-                took_ms[name].append(1e3 * (perf_counter() - begin))
-        # The first of each is the warm-up.
-        medians = {name: float(np.median(values[1:])) for name, values in took_ms.items()}
-        sizes = {"components": len(mixture.weights), "inputs": mixture.inputs, "outputs": mixture.outputs}
-        rows.append(sizes | {"particles": MIXTURE_PARTICLES} | medians)
-    return rows
 
 
 def _peak_memory_mb() -> float:

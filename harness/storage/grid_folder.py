@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,9 +11,7 @@ import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
 from harness.common.files import is_temporary
-from harness.common.untrusted_files import read_text
 from harness.storage import ownership
-from harness.storage import run_folder as runfolder
 from harness.storage.lock import LOCK, lock_within
 
 ROWS, RUNS, GRID, KEPT, FIGURES = "runs", "runs.parquet", "grid.json", "kept", "figures"
@@ -57,19 +54,9 @@ def _check_is_grid(out: Path, kind: str) -> None:
         return
     if not out.is_dir():
         raise InputError(f"`out`: {out} is a file; choose another folder")
-    if any(entry.name != LOCK and not is_temporary(entry.name) for entry in out.iterdir()) and not (
-        ownership.kind_of(out) == kind or (kind == ownership.STRESS and _is_earlier_grid(out))
-    ):
+    holds_files = any(entry.name != LOCK and not is_temporary(entry.name) for entry in out.iterdir())
+    if holds_files and ownership.kind_of(out) != kind:
         raise InputError(f"`out`: {out} is not a {ownership.plain(kind)}'s folder; choose another folder")
-
-
-def _is_earlier_grid(out: Path) -> bool:
-    """Return whether a stress test was made before folders had ledgers: its manifest names this program."""
-    try:
-        manifest = json.loads(read_text(out / runfolder.MANIFEST))
-    except (OSError, ValueError, RecursionError, InputError):
-        return False
-    return isinstance(manifest, dict) and ownership.PROGRAM in manifest.get("versions", ()) and (out / ROWS).is_dir()
 
 
 def _clean(out: Path, rows: Path, kind: str) -> None:

@@ -11,10 +11,9 @@ import pandas as pd
 import pytest
 
 from harness.analysis.compare import Judgement, compare
-from harness.analysis.comparison_text import as_markdown
 from harness.analysis.single import compare_runs
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import NO_WORSE, PRIMARY, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
 from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError
@@ -258,23 +257,6 @@ def echo_runs(tmp_path) -> tuple[str, str, str]:
     return str(first), str(again), str(other)
 
 
-def test_two_single_runs_are_paired_by_vehicle_and_called_one_seed(echo_runs):
-    comparison = compared(*echo_runs[:2])
-    found = {verdict.metric: verdict for verdict in comparison.verdicts}
-    assert found["mae.visible.lon_m"].pairs > 1
-    assert found["mae.visible.lon_m"].verdict == UNTESTED
-    assert found["mot.hota"].verdict in (NO_WORSE, UNDECIDED)
-    for key in ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent"):
-        both = [json.loads((Path(folder) / "metrics.json").read_text()) for folder in echo_runs[:2]]
-        table, name = key.split(".")
-        for value, metrics in zip((found[key].a, found[key].b), both, strict=True):
-            assert value == pytest.approx(np.nan if metrics[table][name] is None else metrics[table][name], nan_ok=True)
-    for verdict in comparison.verdicts:
-        assert verdict.difference == pytest.approx(verdict.b - verdict.a, nan_ok=True), verdict.metric
-    assert any("One seed" in note for note in comparison.notes)
-    assert "One seed" in as_markdown(comparison)
-
-
 def test_a_single_run_against_itself_differs_in_nothing(echo_runs):
     verdicts = compared(echo_runs[0], echo_runs[0]).verdicts
     assert {verdict.difference for verdict in verdicts if verdict.pairs} == {0.0}
@@ -298,11 +280,6 @@ def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_runs,
     assert verdict.a > 0.0
     assert np.isnan(verdict.b)
     assert verdict.wanting == "b has no value of it"
-
-
-def test_single_runs_on_different_traffic_are_refused(echo_runs):
-    with pytest.raises(InputError, match=r"different traffic.*`replay`"):
-        compared(echo_runs[0], echo_runs[2])
 
 
 @pytest.fixture
@@ -337,14 +314,6 @@ def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, 
 IN_PLAIN_VIEW = ["in_plain_view.recall", "in_plain_view.worst_tenth"]
 
 
-def without_plain_view(folder: str) -> str:
-    """Make a grid's folder one that is older than recall in plain view."""
-    path = Path(folder) / "runs.parquet"
-    rows = pd.read_parquet(path)
-    rows.drop(columns=[name for name in rows if name.startswith("in_plain_view.")]).to_parquet(path)
-    return folder
-
-
 def test_recall_in_plain_view_and_that_of_the_worst_tenth_are_judged_unasked(tmp_path):
     a = grid_folder(tmp_path / "a", **{name.replace(".", "__"): wobbling(98.0) for name in IN_PLAIN_VIEW})
     b = grid_folder(tmp_path / "b", **{name.replace(".", "__"): wobbling(60.0, 1) for name in IN_PLAIN_VIEW})
@@ -352,24 +321,3 @@ def test_recall_in_plain_view_and_that_of_the_worst_tenth_are_judged_unasked(tmp
     assert [found[name] for name in IN_PLAIN_VIEW] == [WORSE, WORSE]
     listed = {verdict.metric for verdict in compared(a, b).verdicts if verdict.verdict == UNTESTED}
     assert {"in_plain_view.never_reported", "in_plain_view.dropped", "in_plain_view.stopped_recall"} <= listed
-
-
-@pytest.mark.parametrize("older", ["a", "b", "ab"])
-def test_a_grid_that_is_older_than_a_score_is_compared_without_it(older, tmp_path):
-    folders = [grid_folder(tmp_path / name) for name in "ab"]
-    for name, folder in zip("ab", folders, strict=True):
-        if name in older:
-            without_plain_view(folder)
-    comparison = compared(*folders)
-    assert comparison.outcome == NO_WORSE
-    assert set(words(comparison)) == set(PRIMARY) - set(IN_PLAIN_VIEW)
-    told = [note for note in comparison.notes if "is older than in_plain_view.recall" in note]
-    assert len(told) == (1 if len(older) == 1 else 0)
-
-
-def test_a_score_that_is_asked_for_and_that_b_is_too_old_for_is_undecided(tmp_path):
-    a, b = grid_folder(tmp_path / "a"), without_plain_view(grid_folder(tmp_path / "b"))
-    rules = Rules(primary=("in_plain_view.recall",))
-    found = compare(open_source(a, "compare"), open_source(b, "compare"), rules)
-    assert found.outcome == UNDECIDED
-    assert any("b has no value of it" in reason for reason in found.reasons)

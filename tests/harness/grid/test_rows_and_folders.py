@@ -120,31 +120,6 @@ def test_what_is_no_grids_folder_is_told_with_why(tmp_path):
     assert refused(grid) == f"`out`: {grid / 'runs' / 'folder'} is no file of a {word}; move it away"
 
 
-@pytest.mark.parametrize(
-    ("manifest", "rows", "taken"),
-    [
-        ('{"versions": {"mmpf-harness": "1"}}', True, True),
-        ('{"versions": {"mmpf-harness": "1"}}', False, False),
-        ('{"versions": {"web": "1"}}', True, False),
-        ("{}", True, False),
-        ("[]", True, False),
-        ("no", True, False),
-        (None, True, False),
-    ],
-)
-def test_a_grid_of_an_earlier_version_is_known_by_its_manifest(manifest, rows, taken, tmp_path):
-    (tmp_path / "grid.json").touch()
-    if manifest is not None:
-        (tmp_path / "manifest.json").write_text(manifest)
-    if rows:
-        (tmp_path / "runs").mkdir()
-    if taken:
-        with open_grid_folder(tmp_path, True):
-            assert ownership.kind_of(tmp_path) == ownership.STRESS
-    else:
-        assert "is not a" in refused(tmp_path)
-
-
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is refused to root")
 def test_a_folder_that_may_not_be_written_is_told(tmp_path):
     tmp_path.chmod(0o500)
