@@ -13,9 +13,7 @@ import harness
 import harness.plugins
 import mmpf
 from harness.config.model import RunConfig
-from harness.config.options import RunOptions, checked, declared, keys_of_options, setting_words
-from harness.grid.options import GridOptions
-from harness.grid.request import request_of
+from harness.config.options import RunOptions, checked, keys_of_options, setting_words
 from harness.running.resolve import resolve_run_config
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.stand_ins import EchoTracker, echo_tracker
@@ -36,7 +34,6 @@ def run(tmp_path_factory) -> harness.Run:
         ({"density": float("nan")}, "`density`"),
         ({"density": "many"}, "`density`: give a number, not 'many'"),
         ({"density": True}, "`density`: give a number, not True"),
-        ({"density": [20]}, "`density`: give a number"),
         ({"density": 20, "demand": "us101-0805"}, "demand or a density"),
         ({"demand": "nosuch"}, "`demand` nosuch"),
         ({"duration": -3.0}, "`duration`"),
@@ -59,7 +56,6 @@ def run(tmp_path_factory) -> harness.Run:
         ({"config": "nosuch.toml"}, "`config`: can't read nosuch.toml"),
         ({"settings": {"sensor.rnge_m": 80}}, "sensor.rnge_m"),
         ({"settings": {"sensor.range_m": object()}}, "`settings`: sensor.range_m"),
-        ({"settings": {3: 4}}, "`settings`: 3"),
         ({"settings": ["nonsense"]}, "`settings`: 'nonsense'"),
         ({"settings": 5}, "`settings`: give a list or a dictionary"),
         ({"settings": {"tracker.options.gate": 3}}, "gate"),
@@ -86,18 +82,14 @@ def test_wrong_input_to_a_run_is_one_sentence_and_leaves_nothing(options, words,
         ({"densities": [20, "many"]}, "`densities`.*'many'"),
         ({"densities": [3]}, "`densities`"),
         ({"densities": "5:65"}, "`densities`"),
-        ({"densities": [20], "demands": ["us101-0805"]}, "`demands`"),
         ({"seeds": []}, "`seeds`"),
         ({"seeds": [1, 3]}, "`seeds`: give seeds that follow each other"),
         ({"seeds": 0}, "`seeds`"),
         ({"seeds": 1.5}, "`seeds`: give"),
         ({"trackers": []}, "`trackers`"),
-        ({"trackers": ["nosuch"]}, "nosuch"),
         ({"trackers": [lambda setting, options: None]}, "`trackers`: worker processes"),
         ({"models": ["gmm", "gmm"]}, "`models`"),
-        ({"models": ["nosuch"]}, "nosuch"),
         ({"vary": {"sensor.range_m": "far"}}, "`vary`"),
-        ({"vary": {"seed": [1, 2]}}, "`vary` seed"),
         ({"workers": 0}, "`workers` 0 is out of range: give 1 or more"),
         ({"workers": 2, "scheduler": "tcp://nowhere:1"}, "`workers`"),
         ({"replay": "nosuch.csv"}, "nosuch.csv"),
@@ -145,30 +137,6 @@ def test_a_dictionary_of_settings_says_what_the_command_line_says():
     }
     words = ["sensor.range_m=80", "tracker.options.joint.gate_std=4.0", 'sensor.word="b c"', "sensor.on=true"]
     assert resolve_run_config(settings=setting_words(told)) == resolve_run_config(settings=words)
-
-
-@pytest.mark.parametrize(
-    ("given", "typed"),
-    [
-        ({"densities": [20, 45], "seeds": range(0, 3)}, {"densities": "20,45", "seeds": "0:3"}),
-        ({"densities": 20, "seeds": 4}, {"densities": "20", "seeds": "4"}),
-        ({"densities": np.array([20.0, 45.0]), "seeds": [5, 6]}, {"densities": "20.0,45.0", "seeds": "5:7"}),
-        ({"densities": "5:65:10", "models": ["gmm", "cvm"]}, {"densities": "5:65:10", "models": "gmm,cvm"}),
-        ({"vary": {"sensor.range_m": [40, 60]}}, {"vary": ["sensor.range_m=40,60"]}),
-        ({"trackers": ["mmpf", echo_tracker]}, {"trackers": "mmpf,tests.harness.stand_ins:echo_tracker"}),
-        ({"settings": {"sensor.range_m": 80}}, {"settings": ["sensor.range_m=80"]}),
-    ],
-)
-def test_lists_of_python_are_the_lists_of_the_command_line(given, typed):
-    def request(options):
-        return request_of(checked(GridOptions, options, "stress"))
-
-    assert request(given) == request(typed)
-
-
-def test_tables_of_options_hold_what_the_functions_take():
-    assert {"net", "density", "settings", "out"} <= set(declared(RunOptions))
-    assert {"densities", "seeds", "trackers", "workers"} <= set(declared(GridOptions))
 
 
 @pytest.mark.parametrize("package", ["harness", "mmpf"])

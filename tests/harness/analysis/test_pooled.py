@@ -11,7 +11,6 @@ import pytest
 from harness.analysis.pooled import pool_files
 from harness.analysis.pooled_tables import pooled_markdown
 from harness.commands.app import run_command_line
-from harness.common.errors import InputError
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
@@ -134,20 +133,6 @@ def test_a_grid_over_recordings_has_a_cell_a_file_with_every_vehicle_in_turn(fil
     assert [cell.runs[0].identity()["replay"] for cell in grid.cells] == ["scene.csv", "scene.xml"]
     assert {run.config.traffic.recording.ego for run in grid.runs} == {"each"}
     assert [cell.config.traffic.net for cell in grid.cells] == ["us101", "recording"]
-
-
-@pytest.mark.parametrize(
-    ("asked", "words"),
-    [({"densities": "20"}, "`replay`"), ({"replay": ("a/scene.csv", "b/scene.csv")}, "same name")],
-)
-def test_recordings_and_what_goes_against_them_are_refused(files, asked, words):
-    with pytest.raises(InputError, match=words):
-        plan_grid(GridRequest(**({"net": None, "replay": files, "seeds": "1"} | asked)))
-
-
-def test_an_ego_without_a_recording_is_refused():
-    with pytest.raises(InputError, match="`ego`"):
-        plan_grid(GridRequest(densities="20", ego="each"))
 
 
 def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(files, tmp_path):

@@ -148,16 +148,3 @@ def test_a_folder_that_is_a_recording_itself_is_one_file_and_one_without_files_i
     assert str(caught.value) == (
         f"`replay`: {tmp_path / 'empty'} has no files; give files of recorded traffic, or their folder"
     )
-
-
-@pytest.mark.parametrize("seeds", [[], [1, 3], [3, 2], [0, 1, 3]])
-def test_seeds_that_do_not_follow_each_other_are_refused(seeds):
-    with pytest.raises(InputError) as caught:
-        asked(seeds=seeds)
-    assert str(caught.value) == f"`seeds`: give seeds that follow each other, for example range(0, 10), not {seeds}"
-
-
-def test_a_tracker_of_a_script_is_refused_too(monkeypatch):
-    monkeypatch.setattr(echo_tracker, "__module__", "__main__")
-    with pytest.raises(InputError, match=r"can't import 'echo_tracker'; put it"):
-        asked(trackers=[echo_tracker])

@@ -239,15 +239,6 @@ def test_a_resumed_grid_may_have_more_seeds(finished):
     assert more.rows == 4
 
 
-def test_an_existing_folder_is_never_overwritten_without_asking(whole, tmp_path):
-    with pytest.raises(InputError, match="`resume`"):
-        grid(whole)
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "thesis.tex").touch()
-    with pytest.raises(InputError, match="not a stress test's folder"):
-        grid(tmp_path / "mine", resume=True)
-
-
 def test_half_written_files_of_a_killed_grid_are_removed(finished):
     (finished / "kept" / "a run" / "figures").mkdir(parents=True)
     (finished / "notes").mkdir()
@@ -264,29 +255,6 @@ def test_a_damaged_row_is_made_again(whole, finished, damage):
     again = MadeUp()
     pd.testing.assert_frame_equal(table_of(grid(finished, execute=again, resume=True).folder), table_of(whole))
     assert again.rows == 1
-
-
-def test_finished_runs_of_another_grid_never_drop_out_of_the_tables(whole, finished):
-    fewer = GridRequest(**{**REQUEST.__dict__, "seeds": "1"})
-    with pytest.raises(InputError, match="holds 4 runs of another grid"):
-        grid(finished, fewer, resume=True)
-    pd.testing.assert_frame_equal(table_of(finished), table_of(whole))
-    for row in (finished / "runs").glob("*.json"):
-        row.unlink()
-    with pytest.raises(InputError, match="have no files"):
-        grid(finished, resume=True)
-    pd.testing.assert_frame_equal(table_of(finished), table_of(whole))
-
-
-def test_a_second_process_on_the_same_grid_is_refused(tmp_path):
-    def meanwhile(cells, on_row) -> None:
-        with pytest.raises(InputError, match="another process is writing"):
-            grid(tmp_path / "grid", resume=True)
-        MadeUp()(cells, on_row)
-
-    grid(tmp_path / "grid", execute=meanwhile)
-    assert len(table_of(tmp_path / "grid")) == 8
-    assert not list((tmp_path / "grid").rglob("*lock"))
 
 
 GRID_WRITES = 15
