@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from harness.common.charts import Charts, curves, lines_of
-from harness.common.plots import stretch_s
 from harness.running.finished import RecordedRun
 from harness.storage import run_folder as runfolder
 from harness.storage.tables import floats
@@ -39,7 +38,7 @@ def error_charts(errors: pd.DataFrame) -> Charts:
     Rows of ``errors.parquet`` of vehicles that no track follows are left out.
     """
     tracked = errors[errors["outcome"] == "tracked"]
-    width_s = stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
+    width_s = _stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
     charts = []
     for column, _, label in ERROR_COLUMNS:
         rows = [
@@ -76,7 +75,7 @@ def diagnostics_of(run: RecordedRun) -> pd.DataFrame | None:
 
 def diagnostics_charts(diagnostics: pd.DataFrame) -> Charts:
     """Return what went on in a particle filter: means in stretches of time with the least and the greatest step."""
-    width_s = stretch_s(float(diagnostics["time_s"].max() - diagnostics["time_s"].min()))
+    width_s = _stretch_s(float(diagnostics["time_s"].max() - diagnostics["time_s"].min()))
     # An ego's first scan starts a component for every detection, which would dwarf all that follows.
     later = diagnostics[diagnostics["episode"].duplicated()]
     step_s = float(diagnostics["time_s"].diff().median()) if len(diagnostics) > 1 else 1.0
@@ -151,3 +150,8 @@ def _state(state: str, row: Mapping[str, Any], key: str) -> dict[str, Any]:
         "interval": "none" if low is None else f"{low:.2f} to {high:.2f}", "n": str(row.get("n") or 0),
         "followed": "-" if share is None else f"{share:.0f} %",
     }  # fmt: skip
+
+
+def _stretch_s(duration_s: float) -> float:
+    """Return how long a stretch of time is that errors are averaged over, so that there are at most 40."""
+    return next((width for width in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0) if duration_s / width <= 40.0), 60.0)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.common.charts import Charts, curves, draw_charts
 from harness.common.files import save_figure
-from harness.common.plots import label_ends
 from harness.lab.study.study import StudyResult
 from harness.lab.windows.scores import mean_with_interval
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
@@ -45,7 +47,7 @@ ERROR_PANELS = {
     ),
 }
 DRAW_EVERY = 4
-BAND_EVERY = 5
+ERRORS_EVERY = 5
 
 
 def draw_study(result: StudyResult, folder: Path) -> list[Path]:
@@ -53,10 +55,10 @@ def draw_study(result: StudyResult, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for occlusion in result.occlusions():
-        for kind, figure in (("particles", particles_figure), ("errors", errors_figure)):
-            path = folder / f"{result.study}-{occlusion}-{kind}.png"
-            save_figure(figure(result, occlusion), path, dpi=110)
-            paths.append(path)
+        particles, errors = (folder / f"{result.study}-{occlusion}-{kind}.png" for kind in ("particles", "errors"))
+        save_figure(particles_figure(result, occlusion), particles, dpi=110)
+        draw_charts(error_charts(result, occlusion), f"{result.study}, {occlusion} occlusion", errors)
+        paths += [particles, errors]
     return paths
 
 
@@ -78,18 +80,17 @@ def particles_figure(result: StudyResult, occlusion: str) -> Figure:
     return figure
 
 
-def errors_figure(result: StudyResult, occlusion: str) -> Figure:
-    """Draw the mean absolute error over time after the paper's figures 4 and 7, with 95 % intervals over cases."""
-    panels = ERROR_PANELS[result.study]
-    rows = len(panels) // 2
-    figure = Figure(figsize=(10.0, 3.8 * rows), layout="constrained")
-    for axis, (quantity, label) in zip(figure.subplots(rows, 2, squeeze=False).ravel(), panels, strict=True):
-        _errors(axis, result, occlusion, quantity)
-        axis.set_xlabel("time, s")
-        axis.set_ylabel(f"MAE of {label}")
+def error_charts(result: StudyResult, occlusion: str) -> Charts:
+    """Return the mean absolute error over time after the paper's figures 4 and 7, with 95 % intervals over cases."""
+    lines = tuple((model, COLOURS.get(model, "#777777")) for model in result.models())
+    charts = []
+    for quantity, label in ERROR_PANELS[result.study]:
+        title = f"MAE of {label}"
+        rows = [row for model in result.models() for row in _errors(result, occlusion, model, quantity)]
+        tooltip = (("series", "model"), ("place", "time, s"), ("mean", title))
+        charts.append(curves(title, f"{title}, over time, by model", "time, s", rows, lines, tooltip))
     cases = next(iter(result.scores.values())).crps_m.shape[1]
-    figure.suptitle(f"{result.study}, {occlusion} occlusion: mean of {cases} cases, 95 % intervals shaded", fontsize=10)
-    return figure
+    return Charts(tuple(charts), lines, f"Means of {cases} cases with 95 % intervals.")
 
 
 def _particles(axis: Axes, result: StudyResult, occlusion: str, model: str, panel: tuple[int, int, str]) -> None:
@@ -124,19 +125,8 @@ def _reference(result: StudyResult, row: int) -> FloatArray:
     return np.asarray(steady if row == LON else np.zeros(len(truth)))
 
 
-def _errors(axis: Axes, result: StudyResult, occlusion: str, quantity: str) -> None:
-    ends = []
-    for model in result.models():
-        error = result.scores[occlusion, model].abs_error[quantity]
-        time_s = np.arange(1, len(error) + 1) * result.step_s
-        mean = error.mean(axis=1)
-        shown = np.unique(np.append(np.arange(0, len(error), BAND_EVERY), len(error) - 1))
-        band = np.array([mean_with_interval(error[step], np.random.default_rng(0))[1] for step in shown])
-        colour = COLOURS.get(model, "#777777")
-        axis.fill_between(time_s[shown], band[:, 0], band[:, 1], color=colour, alpha=0.18, linewidth=0)
-        axis.plot(time_s, mean, color=colour, linewidth=2.0 if model in ("residual", "gmm") else 1.3)
-        ends.append((float(mean[-1]), model, colour))
-    label_ends(axis, ends, time_s[-1])
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.set_ylim(bottom=0.0)
-    axis.set_xlim(0.0, time_s[-1])
+def _errors(result: StudyResult, occlusion: str, model: str, quantity: str) -> Iterator[dict[str, Any]]:
+    error = result.scores[occlusion, model].abs_error[quantity]
+    for step in np.unique(np.append(np.arange(0, len(error), ERRORS_EVERY), len(error) - 1)):
+        mean, (low, high) = mean_with_interval(error[step], np.random.default_rng(0))
+        yield {"series": model, "place": float((step + 1) * result.step_s), "mean": mean, "low": low, "high": high}
