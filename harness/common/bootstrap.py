@@ -12,6 +12,8 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 MOST_WEIGHTS = 2_000_000
+TAIL = 0.5 * (1.0 - 0.95)
+"""Share of resampled means beyond either end of an interval."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +63,9 @@ def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatAr
 
 
 def cluster_bootstrap(
-    sums: FloatArray, counts: FloatArray, rng: np.random.Generator, level: float = 0.95, draws: int = 1000
+    sums: FloatArray, counts: FloatArray, rng: np.random.Generator, draws: int = 1000
 ) -> list[Interval]:
-    """Return the percentile bootstrap intervals of several means that share their groups, which are resampled whole.
+    """Return the 95 % bootstrap intervals of several means that share their groups, which are resampled whole.
 
     Errors of one vehicle at successive steps are alike, so single rows must not be resampled as if independent (Efron &
     Tibshirani 1993, ch. 13). Sums and numbers of values are of shape (groups, quantities); bounds are nan where fewer
@@ -81,7 +83,6 @@ def cluster_bootstrap(
         total = weights @ counts
         blocks.append(np.divide(weights @ sums, total, out=np.full_like(total, np.nan), where=total > 0))
     means = np.concatenate(blocks)
-    tail = 0.5 * (1.0 - level)
     intervals = []
     for quantity in range(sums.shape[1]):
         column = means[:, quantity]
@@ -89,13 +90,13 @@ def cluster_bootstrap(
         if np.count_nonzero(counts[:, quantity]) < 2:
             intervals.append(Interval(np.nan, np.nan))
         else:
-            low, high = np.quantile(column, (tail, 1.0 - tail))
+            low, high = np.quantile(column, (TAIL, 1.0 - TAIL))
             intervals.append(Interval(float(low), float(high)))
     return intervals
 
 
-def few_groups_ci(sums: FloatArray, counts: FloatArray, level: float = 0.95) -> Interval:
-    """Return Student's interval of a mean over few independent groups, such as seeds, by the ratio of their totals.
+def few_groups_ci(sums: FloatArray, counts: FloatArray) -> Interval:
+    """Return Student's 95 % interval of a mean over few independent groups, such as seeds, by their totals' ratio.
 
     A percentile bootstrap over few groups is too narrow: it covers 74 % of 95 % with three of them. Sums, and their
     numbers of values or weights, are of shape (groups,); groups of none count nothing, and bounds are nan with fewer
@@ -108,5 +109,5 @@ def few_groups_ci(sums: FloatArray, counts: FloatArray, level: float = 0.95) -> 
         return Interval(np.nan, np.nan)
     mean = float(sums.sum()) / total
     residual = (sums - mean * counts) / total
-    half = float(special.stdtrit(groups - 1, 0.5 + 0.5 * level) * np.sqrt(groups / (groups - 1) * (residual**2).sum()))
+    half = float(special.stdtrit(groups - 1, 0.975) * np.sqrt(groups / (groups - 1) * (residual**2).sum()))
     return Interval(mean - half, mean + half)

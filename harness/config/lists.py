@@ -41,7 +41,7 @@ def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
     return tuple(words)
 
 
-def seed_values(text: str, parameter: str = "seeds") -> range:
+def seed_values(text: str) -> range:
     """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded.
 
     Raises:
@@ -50,7 +50,7 @@ def seed_values(text: str, parameter: str = "seeds") -> range:
     first, end = text.split(":", 1) if ":" in text else ("0", text)
     if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):
         raise InputError(
-            f"`{parameter}` {text}: give a number of seeds or a range A:B with A below B; for example `{parameter}` 10"
+            f"`seeds` {text}: give a number of seeds or a range A:B with A below B; for example `seeds` 10"
         )
     return range(int(first), int(end))
 

@@ -35,18 +35,18 @@ INTERVAL = re.compile(r"([-+\d.]+(?: %)?) (\[[-+\d., ]+\])")
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 
-def write_page(folder: Path, parameter: str = "folder") -> Path:
+def write_page(folder: Path) -> Path:
     """Write ``report.html`` into a run's folder, or one with Markdown tables, ``runs.parquet`` or pictures; return it.
 
     Raises:
         InputError: There is no such folder, the run in it did not end or is broken, or nothing in it can be shown.
     """
     if not folder.is_dir():
-        raise InputError(f"`{parameter}`: there is no folder {folder}")
+        raise InputError(f"`folder`: there is no folder {folder}")
     if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
-        with sound_tables(folder, parameter):
-            return write_run_page(folder, parameter)
-    page = page_of(folder, parameter)
+        with sound_tables(folder, "folder"):
+            return write_run_page(folder)
+    page = page_of(folder)
     write_text(page, folder_page(folder))
     ownership.add(folder, [page])
     return page

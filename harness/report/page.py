@@ -64,21 +64,21 @@ class PictureStrip:
     until_s: float
 
 
-def write_run_page(folder: Path, parameter: str = "folder") -> Path:
+def write_run_page(folder: Path) -> Path:
     """Write ``report.html`` and the failure gallery's figures into a finished run's folder, and return the page.
 
     Raises:
         InputError: It is no finished run's folder, or one of its files is missing or broken.
     """
-    run = read_recorded_run(folder, parameter, MOST_SHOWN)
-    page = page_of(folder, parameter)
+    run = read_recorded_run(folder, "folder", MOST_SHOWN)
+    page = page_of(folder)
     write_text(page, run_page(run))
     drawn = (path for kind in (GALLERY, DECISIONS) for path in strips_in(folder / runfolder.FIGURES, kind))
     ownership.add(folder, [page, *drawn])
     return page
 
 
-def page_of(folder: Path, parameter: str) -> Path:
+def page_of(folder: Path) -> Path:
     """Return where a folder's page goes.
 
     Raises:
@@ -86,7 +86,7 @@ def page_of(folder: Path, parameter: str) -> Path:
     """
     page = folder / PAGE
     if page.exists() and (not page.is_file() or (page.stat().st_size and MARK not in page.read_bytes())):
-        raise InputError(f"`{parameter}`: {page} was not made by this program; give it another name")
+        raise InputError(f"`folder`: {page} was not made by this program; give it another name")
     return page
 
 

@@ -28,20 +28,20 @@ UNDATED = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None, "ModD
 SALT = "mmpf-harness"
 
 
-def write_pictures(folder: Path, kind: str, parameter: str = "figures") -> list[Path]:
+def write_pictures(folder: Path, kind: str) -> list[Path]:
     """Draw the figures of a run or of a stress test's curves into ``figures/`` of its folder, and return them.
 
     Raises:
         InputError: The kind is none of ``png``, ``svg`` and ``pdf``, or nothing in the folder is drawn anew.
     """
     if kind not in KINDS:
-        raise InputError(f"`{parameter}` {kind}: no such kind of picture; choose one of {', '.join(KINDS)}")
+        raise InputError(f"`figures` {kind}: no such kind of picture; choose one of {', '.join(KINDS)}")
     is_run = (folder / runfolder.TRUTH).is_file()
     if not is_run and (plan_of(folder) is None or not (folder / RUNS).is_file()):
-        raise InputError(f"`{parameter}`: {folder} is neither a run nor a stress test; only their figures can be drawn")
+        raise InputError(f"`figures`: {folder} is neither a run nor a stress test; only their figures can be drawn")
     place = folder / runfolder.FIGURES
     place.mkdir(exist_ok=True)
-    with sound_tables(folder, parameter), mpl.rc_context({"svg.hashsalt": SALT, "svg.fonttype": "none"}):
+    with sound_tables(folder, "figures"), mpl.rc_context({"svg.hashsalt": SALT, "svg.fonttype": "none"}):
         written = [*(_of_run(folder, place, kind) if is_run else _of_grid(folder, place, kind))]
     ownership.add(folder, written)
     return written

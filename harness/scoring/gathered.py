@@ -66,10 +66,6 @@ class Evidence:
     brakings: Brakings | None = None
     unseen: Stretches | None = None
 
-    def new_rng(self) -> np.random.Generator:
-        """Return a generator of the run's seed: one for each metric, so that none moves another's draws."""
-        return np.random.default_rng(self.seed)
-
 
 def gather(
     truth: pd.DataFrame,

@@ -14,10 +14,10 @@ def idf1(matched: int, rows: int) -> float:
     return 2.0 * matched / rows if matched else 0.0
 
 
-def measure_identity(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> tuple[int, int]:
+def measure_identity(sequence: MotSequence) -> tuple[int, int]:
     """Return how many truth rows have the right track, and how many rows of either kind there are."""
     rows = len(sequence.truth_step) + len(sequence.track_step)
-    gated = sequence.pair_similarity >= threshold
+    gated = sequence.pair_similarity >= GATE_SIMILARITY
     if not gated.any():
         return 0, rows
     truth = sequence.truth_identity[sequence.pair_truth[gated]]
