@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.analysis.compare import Judgement
+from harness.analysis.compare import Judgement, compare
+from harness.analysis.sources import open_source
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict, name_of, quantity_of
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, link_to, moment_of
+from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
@@ -47,6 +50,21 @@ def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
     if comparison.why is not None:
         lines += _why(comparison.why, with_replay)
     return "\n".join([*lines, *comparison.notes, "", EXPLANATION, ""])
+
+
+def verdicts_in_grid(folder: Path) -> str:
+    """Return the verdicts on each tracker of a stress test against its first, as Markdown; empty for one tracker."""
+    try:
+        first, *others = open_source(str(folder), "folder").labels
+        a, *sides = (open_source(f"{folder}@{label}", "folder") for label in (first, *others))
+        judged = [compare(a, b) for b in sides]
+    except (InputError, ValueError):
+        return ""
+    lines = [f"a: {first}. Each comparison stands by itself: with more of them, more are worse or better by chance."]
+    for other, comparison in zip(others, judged, strict=True):
+        lines += ["", f"b: {other}. {conclusion(comparison)} {comparison.paired}", ""]
+        lines += markdown_table(HEADINGS, map(_marked_cells, comparison.primary))
+    return "\n".join(lines) if others else ""
 
 
 def _basis(comparison: Judgement) -> list[str]:

@@ -12,6 +12,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 from markupsafe import Markup
 
+from harness.analysis.comparison_text import verdicts_in_grid
 from harness.analysis.tables import AXIS_LABELS
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.common.charts import Charts
@@ -63,6 +64,7 @@ def folder_page(folder: Path) -> str:
         title=title_of(texts) or folder.resolve().name,
         text=Markup("\n").join(as_html(text) for text in texts),
         runs=runs,
+        verdicts=as_html(verdicts_in_grid(folder)) if runs is not None else "",
         charts=charts,
         figures=_figures(folder, without=CURVES if charts else None),
         tables=_tables(folder),

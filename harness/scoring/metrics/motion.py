@@ -8,15 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.mae import STATES
 from harness.scoring.metrics.parts import Basis, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "motion"
-LARGE_JUMP_M, MOVING_MPS = 1.0, 2.0
+LARGE_JUMP_M, MOVING_MPS, COURSE_S = 1.0, 2.0, 0.5
 LABELS = {
     "jerk_mps3": "jerk of tracks, root mean square{}, m/s³",
     "jump_m": "change of a track's position error from step to step{}, m",
@@ -57,15 +58,20 @@ def measure_motion(evidence: Evidence) -> FloatArray:
         _difference(tracks.lon_m[followed] - truth.lon_m[kept]), _difference(tracks.lat_m[followed] - truth.lat_m[kept])
     )
     turn = _course(tracks.lat_speed_mps[followed], tracks.speed_mps[followed])
-    turn = np.abs(turn - _course(truth.lat_speed_mps[kept], truth.speed_mps[kept]))
-    moves = (truth.speed_mps[kept] >= MOVING_MPS) & (not rows.has_headings)
+    turn = turn - _course(truth.lat_speed_mps[kept], truth.speed_mps[kept])
+    if rows.has_headings:  # there tracks state no direction
+        before = _places_before(truth.time_s[kept], again)
+        turn = _way(tracks.lon_m[followed], tracks.lat_m[followed], before)
+        turn = turn - _way(truth.lon_m[kept], truth.lat_m[kept], before)
+    turn = np.abs(np.mod(turn + np.pi, 2.0 * np.pi) - np.pi)
+    moves = truth.speed_mps[kept] >= MOVING_MPS
     accel = np.full(len(kept), np.nan)
     if truth.accel_mps2 is not None and tracks.accel_mps2 is not None:
         accel = np.abs(tracks.accel_mps2[followed] - truth.accel_mps2[kept])
     values: list[tuple[FloatArray, BoolArray]] = [
         (jerk_of(tracks.speed_mps[followed]) ** 2, third), (jerk_of(truth.speed_mps[kept]) ** 2, third),
         (jump, again), (np.where(jump > LARGE_JUMP_M, 100.0, 0.0), again), (accel, again),
-        (np.degrees(np.minimum(turn, 2.0 * np.pi - turn)), again & moves),
+        (np.degrees(turn), again & moves),
     ]  # fmt: skip
     table = np.zeros((len(STATES), len(MEASURED), 2))
     for place, codes in enumerate(STATES.values()):
@@ -83,8 +89,8 @@ def quality_of_motion(total: FloatArray, basis: Basis) -> dict[str, object]:  # 
         For each of ``STATES``: ``jerk_mps3``, root mean square of the second difference of a track's speed by time,
         and ``true_jerk_mps3`` of the vehicles followed; ``jump_m``, mean length of the change of a track's position
         error from one step to the next, and ``large_jumps_percent``, the share above 1 m; ``accel_mps2``, mean absolute
-        error of the acceleration that a track states; ``heading_deg``, that of the direction of its speed, of vehicles
-        at 2 m/s or more, on roads with a frame of their own; ``n``, vehicle-steps. nan where there is nothing.
+        error of the acceleration that a track states; ``heading_deg``, that of the direction of its speed, in the plane
+        of its way over the last ``COURSE_S``, of vehicles at 2 m/s or more; ``n``, vehicle-steps. nan for nothing.
     """
     table: dict[str, object] = {}
     for name, sums in zip(STATES, total, strict=True):
@@ -102,5 +108,24 @@ def _difference(values: FloatArray) -> FloatArray:
     return np.diff(values, prepend=np.nan)
 
 
-def _course(lat_speed_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
-    return np.asarray(np.arctan2(lat_speed_mps, speed_mps))
+def _course(lat: FloatArray, lon: FloatArray) -> FloatArray:
+    """Return the directions of vectors, radians."""
+    return np.asarray(np.arctan2(lat, lon))
+
+
+def _way(lon_m: FloatArray, lat_m: FloatArray, before: IntArray) -> FloatArray:
+    """Return the directions from earlier places to each place, radians; nan without an earlier one."""
+    return np.where(before >= 0, _course(lat_m - lat_m[before], lon_m - lon_m[before]), np.nan)
+
+
+def _places_before(time_s: FloatArray, again: BoolArray) -> IntArray:
+    """Return the last place, at least ``COURSE_S`` earlier, in an unbroken row of places; -1 where none is.
+
+    Args:
+        time_s: Time of each place, ascending in each row, shape (n,).
+        again: Whether a place goes on with the row of the one before, shape (n,).
+    """
+    row = np.cumsum(~again)
+    key = row * (np.ptp(time_s) + 2.0 * COURSE_S if len(time_s) else 1.0) + time_s
+    before = np.searchsorted(key, key - COURSE_S + TIME_TOLERANCE_S, side="right") - 1
+    return np.where((before >= 0) & (row[before] == row), before, -1)

@@ -76,6 +76,12 @@ def test_a_score_of_a_whole_run_has_a_difference_and_no_scatter(sides):
     assert other.effect.difference == other.b - other.a != 0.0
 
 
+def test_a_run_is_no_worse_than_itself_though_false_tracks_scatter(sides, both):
+    assert len(hota_by_vehicle(both[Path("A")], CARS).others)
+    compared = compare(sides[0], sides[0], Rules())
+    assert (compared.outcome, {verdict.verdict for verdict in compared.primary}) == ("no worse", {"no worse"})
+
+
 def test_what_only_the_first_run_has_is_wanting(sides):
     sides[1].rows["mot.hota"] = np.nan
     told = {each.quantity.key: each for each in compare_runs(*sides, Rules())[0]}["mot.hota"]

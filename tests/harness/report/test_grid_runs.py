@@ -84,6 +84,18 @@ def test_a_run_that_was_kept_leads_to_its_page_and_to_both_side_by_side(grid):
     assert page.count("<code class='command'>") == len(runs) - 1
 
 
+def test_the_page_begins_with_the_verdicts_that_compare_gives(grid, capsys):
+    folder, _ = grid
+    sides = [f"{folder}@{label}" for label in ("mmpf residual", "stonesoup-jpda")]
+    run_command_line(["compare", *sides, "--json", "--quiet"])
+    judged = [each for each in json.loads(capsys.readouterr().out)["verdicts"] if each["primary"] and each["pairs"]]
+    page = write_page(folder).read_text(encoding="utf-8")
+    section = page[page.index('id="verdicts-heading"') : page.index('id="charts-heading-1"')]
+    found = re.findall(r'<td>([^<]*)</td>\n<td class="verdict[^>]*><strong>([^<]*)</strong>', section)
+    assert found == [(str(each["pairs"]), each["verdict"]) for each in judged]
+    assert {verdict for _, verdict in found} >= {"undecided"}
+
+
 def test_intervals_stand_below_their_values_so_that_columns_fit():
     html = as_html("# T\n\n| a | b |\n|---|---|\n| x | 91.5 [90.1, 92.9] |\n")
     assert "<td>91.5<br><span class='interval-cell'>[90.1, 92.9]</span></td>" in html

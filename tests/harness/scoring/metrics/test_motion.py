@@ -54,6 +54,20 @@ def test_acceleration_and_heading_are_compared_with_the_truth():
     assert found["heading_deg"] == pytest.approx(math.degrees(math.atan2(1.0, 10.0)))
 
 
+def test_in_the_plane_the_ways_of_track_and_vehicle_over_half_a_second_are_compared():
+    def heading_error(course, turn=0.0):
+        angles = course + turn * STEP * STEP_S
+        ways = [np.cumsum([np.cos(each), np.sin(each)], axis=1) for each in (angles, angles + math.radians(2.0))]
+        made = Scene(STEPS).vehicle("car", lon=30.0 + ways[0][0], lat=ways[0][1], detected=True)
+        made.track(1, 30.0 + ways[1][0], lat=ways[1][1])
+        for part in made.truth:
+            part["direction_rad"] = angles
+        return score_run(*made.tables()).metrics["motion"]["all"]["heading_deg"]
+
+    assert [heading_error(np.full(STEPS, course)) for course in (0.7, np.pi, -2.0)] == pytest.approx([2.0] * 3)
+    assert heading_error(np.full(STEPS, 3.0), turn=0.5) == pytest.approx(2.0)
+
+
 def test_hidden_and_visible_steps_are_told_apart():
     found = motion(accel=np.where(STEP >= 10, 2.0, 0.5), state="hidden")
     assert found["visible"]["accel_mps2"] == pytest.approx(0.5)
