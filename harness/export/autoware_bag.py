@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from mcap_ros2.writer import Writer
 
-from harness.export.sizes import NOMINAL_M, SIZE, track_sizes
+from harness.export.sizes import SIZE, detection_sizes, track_sizes
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, IntArray, turned
@@ -98,8 +98,7 @@ def definition(name: str) -> str:
 
 def _detected(run: RecordedRun) -> list[Message]:
     found = run.detections
-    size = np.column_stack([_column(found, name, np.nan) for name in SIZE])
-    size = np.where(np.isfinite(size).all(axis=1, keepdims=True), size, NOMINAL_M)
+    size = detection_sizes(found)
     speed, has_heading = _column(found, "speed_mps", np.nan), np.isfinite(_column(found, "heading_rad", np.nan))
     deviations = np.column_stack([floats(found, name) for name in ("std_lon_m", "std_lat_m")])
     along = _column(found, "std_speed_mps", np.nan)

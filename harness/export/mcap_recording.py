@@ -21,10 +21,10 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
-from harness.common.palette import GREEN, ORANGE, PURPLE, VERMILION
+from harness.common.palette import DETECTION_COLOUR, EGO_COLOUR, LANE_COLOUR, PURPLE, STATE_COLOURS
 from harness.export.curves import Curves, curves_of
 from harness.export.lanes import lanes_of
-from harness.export.sizes import NOMINAL_M, SIZE, track_sizes
+from harness.export.sizes import SIZE, detection_sizes, track_sizes
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray
@@ -34,8 +34,6 @@ MAP, EGO = "map", "ego"
 LIBRARY = "mmpf-harness"
 HEIGHT_M, TEXT_M, LINE_M = 1.5, 1.2, 0.15
 NANOSECONDS = 1_000_000_000
-STATE_COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION, "out": "#b0b0b0"}
-EGO_COLOUR, DETECTION_COLOUR, LANE_COLOUR = "#000000", "#0072B2", "#8c8c8c"
 CURVES_SCHEMA = "harness.Curves"
 
 About = Mapping[str, str]
@@ -98,7 +96,6 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
 def _write(run: RecordedRun, recording: _Recording) -> None:
     curves = curves_of(run)
     steps = np.unique(run.truth["step"].to_numpy())
-    step_s = float(np.median(np.diff(curves.time_s))) if len(curves.time_s) > 1 else 0.1
     kinds = {"/truth": _truth(run), "/detections": _detections(run), "/tracks": _tracks(run)}
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     ego_at = dict(zip(egos["step"].tolist(), np.column_stack(run.in_plane(egos)).tolist(), strict=True))
@@ -110,7 +107,7 @@ def _write(run: RecordedRun, recording: _Recording) -> None:
         if step in ego_at:
             recording.put("/tf", time_ns, _transform(ego_at[step], time_ns))
         for topic, boxes in kinds.items():
-            recording.put(topic, time_ns, _scene(boxes, step, time_ns, round(step_s * NANOSECONDS)))
+            recording.put(topic, time_ns, _scene(boxes, step, time_ns, round(run.step_s * NANOSECONDS)))
         recording.put_numbers("/curves", time_ns, numbers[k])
 
 
@@ -135,14 +132,12 @@ def _truth(run: RecordedRun) -> _Boxes:
 
 def _detections(run: RecordedRun) -> _Boxes:
     found = run.detections
-    size = [floats(found, name) if name in found else np.full(len(found), np.nan) for name in SIZE]
-    measured = np.column_stack(size)
     truth_id = found["truth_id"].tolist()
     place_in_scan = found.groupby("step").cumcount()
     return _Boxes(
         rows=_rows(found),
         place=np.column_stack(run.in_plane(found)),
-        size_m=np.where(np.isfinite(measured).all(axis=1, keepdims=True), measured, NOMINAL_M),
+        size_m=detection_sizes(found),
         name=[f"detection {number}" for number in place_in_scan.tolist()],
         colour=[DETECTION_COLOUR] * len(found),
         about=lambda row: {"truth_id": str(truth_id[row]) or "clutter"},

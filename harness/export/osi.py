@@ -22,11 +22,10 @@ from osi3.osi_sensordata_pb2 import SensorData
 
 from harness.export.lanes import NO_STRIP, lanes_of
 from harness.export.osi_lanes import OsiLanes, osi_lanes
-from harness.export.sizes import track_sizes
+from harness.export.sizes import SIZE, detection_sizes, track_sizes
 from harness.running.finished import RecordedRun
-from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
-from mmpf.numerics.arrays import IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray, turned
 
 Columns = dict[str, list[Any]]
 Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]
@@ -48,8 +47,10 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     files = [folder / name for name in (GROUND_TRUTH, DETECTIONS, TRACKS, VEHICLES)]
     lanes = osi_lanes(lanes_of(run), first_id=len(names) + 1)
     _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1, lanes))
-    _write_trace(files[1], _sensor_data(run, run.detections, _describe_detection, numbers))
-    _write_trace(files[2], _sensor_data(run, _with_sizes(run), _describe_track, numbers))
+    found, whose = run.detections, (run.tracks[name].to_numpy() for name in ("episode", "track_id"))
+    found, tracks = _sized(found, detection_sizes(found)), _sized(run.tracks, track_sizes(run).of(*whose))
+    _write_trace(files[1], _sensor_data(run, found, _describe_detection, numbers))
+    _write_trace(files[2], _sensor_data(run, tracks, _describe_track, numbers))
     rows = [f"{number},{name}" for name, number in numbers.items()]
     files[3].write_text("\n".join(["number,vehicle_id", *rows]) + "\n", encoding="utf-8")
     return files
@@ -70,8 +71,7 @@ def _ground_truth(run: RecordedRun, number: IntArray, lanes: OsiLanes) -> Iterat
     names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
     speed, lat_speed, accel, length, width = (floats(truth, name) for name in names)
     along = run.road.heading_at(floats(truth, "lon_m"))
-    velocity_x = speed * np.cos(along) - lat_speed * np.sin(along)
-    velocity_y = speed * np.sin(along) + lat_speed * np.cos(along)
+    velocity_x, velocity_y = turned(speed, lat_speed, -along)
     is_ego = truth["is_ego"].to_numpy(dtype=bool)
     for rows in _steps(truth).values():
         message = GroundTruth()
@@ -113,26 +113,18 @@ def _sensor_data(
         for i in range(rows.start, rows.stop):
             dx, dy = x[i] - ego_x[k], y[i] - ego_y[k]
             found = message.moving_object.add()
-            turned = heading[i] - ego_heading[k]
-            _place(found.base, dx * cosine + dy * sine, dy * cosine - dx * sine, 0.0, turned, _size(columns, i))
+            yaw = heading[i] - ego_heading[k]
+            size = columns["length_m"][i], columns["width_m"][i]
+            _place(found.base, dx * cosine + dy * sine, dy * cosine - dx * sine, 0.0, yaw, size)
             if "lat_speed_mps" in columns:
-                speed, lat_speed = float(columns["speed_mps"][i]), float(columns["lat_speed_mps"][i])
-                turn = along[i] - ego_heading[k]
-                found.base.velocity.x = speed * np.cos(turn) - lat_speed * np.sin(turn)
-                found.base.velocity.y = speed * np.sin(turn) + lat_speed * np.cos(turn)
+                velocity = turned(columns["speed_mps"][i], columns["lat_speed_mps"][i], ego_heading[k] - along[i])
+                found.base.velocity.x, found.base.velocity.y = velocity
             describe(found, columns, i, numbers)
         yield message
 
 
-def _with_sizes(run: RecordedRun) -> pd.DataFrame:
-    sizes = track_sizes(run).of(*(run.tracks[name].to_numpy() for name in ("episode", "track_id")))
-    return run.tracks.assign(length_m=sizes[:, 0], width_m=sizes[:, 1])
-
-
-def _size(columns: Columns, row: int) -> tuple[float, float]:
-    """Return the measured length and width, or a usual car's where there are none."""
-    measured = [float(columns[name][row]) if name in columns else np.nan for name in ("length_m", "width_m")]
-    return (measured[0], measured[1]) if np.isfinite(measured).all() else (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
+def _sized(table: pd.DataFrame, size_m: FloatArray) -> pd.DataFrame:
+    return table.assign(**dict(zip(SIZE, size_m.T, strict=True)))
 
 
 def _describe_detection(found: Any, columns: Columns, row: int, numbers: Mapping[str, int]) -> None:  # noqa: ANN401

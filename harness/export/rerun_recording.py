@@ -10,8 +10,9 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
+from harness.common import palette
 from harness.export.curves import Curves, curves_of
+from harness.export.lanes import lanes_of
 from harness.running.finished import RecordedRun
 from mmpf.numerics.arrays import FloatArray
 
@@ -19,15 +20,13 @@ FILE = "run.rrd"
 TIMELINE = "time"
 HEIGHT_M = 1.5
 FLAT_M = 0.05
-COLOURS = {"visible": GREEN, "partial": ORANGE, "hidden": VERMILION, "out": "#b0b0b0"}
-EGO_COLOUR, DETECTION_COLOUR, LANE_COLOUR = "#000000", "#0072B2", "#8c8c8c"
 CURVE_COLOURS = {
-    "seen": GREEN, "hidden": VERMILION, "seen vehicles": GREEN, "hidden vehicles": VERMILION,
-    "detections": DETECTION_COLOUR, "tracks": PURPLE, "tracks taken for hidden": ORANGE,
+    "seen": palette.GREEN, "hidden": palette.VERMILION,
+    "seen vehicles": palette.GREEN, "hidden vehicles": palette.VERMILION,
+    "detections": palette.DETECTION_COLOUR, "tracks": palette.PURPLE, "tracks taken for hidden": palette.ORANGE,
 }  # fmt: skip
 EGO, CURVES = "ego", "curves"
 SCENE = ("+ /road", "+ /truth", "+ /ego", "+ /detections", "+ /tracks")
-LANE_REACH_M = 2000.0
 VIEW_BACK_M, VIEW_HEIGHT_M = 60.0, 70.0
 
 
@@ -46,7 +45,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         _send(recording, "tracks", run.tracks, _track_columns(run))
         ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
         _send(recording, EGO, ego, rr.Points3D.columns(positions=_places(run, ego, HEIGHT_M)))
-        recording.log(EGO, rr.Points3D.from_fields(colors=[_rgb([EGO_COLOUR])[0]], radii=[0.3]), static=True)
+        recording.log(EGO, rr.Points3D.from_fields(colors=[_rgb([palette.EGO_COLOUR])[0]], radii=[0.3]), static=True)
         _send_curves(recording, curves_of(run))
         recording.flush()
     return [path]
@@ -96,8 +95,8 @@ def _send(recording: Any, entity: str, table: pd.DataFrame, columns: Any) -> Non
 def _truth_columns(run: RecordedRun) -> Any:  # noqa: ANN401
     truth = run.truth
     half = 0.5 * truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)
-    colours = truth["state"].map(COLOURS).astype("object").to_numpy(copy=True)
-    colours[truth["is_ego"].to_numpy(dtype=bool)] = EGO_COLOUR
+    colours = truth["state"].map(palette.STATE_COLOURS).astype("object").to_numpy(copy=True)
+    colours[truth["is_ego"].to_numpy(dtype=bool)] = palette.EGO_COLOUR
     return rr.Boxes3D.columns(
         centers=_places(run, truth, 0.5 * HEIGHT_M),
         half_sizes=np.column_stack([half, np.full(len(half), 0.5 * HEIGHT_M)]),
@@ -112,32 +111,26 @@ def _detection_columns(run: RecordedRun) -> Any:  # noqa: ANN401
     count = len(run.detections)
     return rr.Points3D.columns(
         positions=_places(run, run.detections, HEIGHT_M + 0.1),
-        colors=_rgb(np.full(count, DETECTION_COLOUR, dtype=object)),
+        colors=_rgb(np.full(count, palette.DETECTION_COLOUR, dtype=object)),
         radii=np.full(count, 0.25),
     )
 
 
 def _track_columns(run: RecordedRun) -> Any:  # noqa: ANN401
-    spread = ELLIPSE_SCALE * run.tracks[["std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
+    spread = palette.ELLIPSE_SCALE * run.tracks[["std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     return rr.Ellipsoids3D.columns(
         centers=_places(run, run.tracks, HEIGHT_M + 0.1),
         half_sizes=np.column_stack([spread, np.full(len(spread), FLAT_M)]),
         quaternions=_turns(run, run.tracks),
-        colors=_rgb(np.full(len(spread), PURPLE, dtype=object)),
+        colors=_rgb(np.full(len(spread), palette.PURPLE, dtype=object)),
         labels=[str(number) for number in run.tracks["track_id"]],
         show_labels=[False] * len(spread),
     )
 
 
 def _lanes(run: RecordedRun) -> Any:  # noqa: ANN401
-    strips = []
-    for lane in run.road.lanes:
-        start, end = np.clip([lane.start_m, lane.end_m], -LANE_REACH_M, LANE_REACH_M)
-        lon = np.linspace(start, end, 2 if run.road.is_straight else 200)
-        for side in (lane.right_m, lane.left_m):
-            x, y = run.road.to_cartesian(lon, np.full_like(lon, side))
-            strips.append(np.column_stack([x, y, np.zeros_like(x)]))
-    return rr.LineStrips3D(strips, colors=_rgb(np.full(len(strips), LANE_COLOUR, dtype=object)), radii=0.08)
+    strips = [np.pad(line.points(run.road), ((0, 0), (0, 1))) for line in lanes_of(run).lines]
+    return rr.LineStrips3D(strips, colors=_rgb(np.full(len(strips), palette.LANE_COLOUR, dtype=object)), radii=0.08)
 
 
 def _places(run: RecordedRun, table: pd.DataFrame, height_m: float) -> FloatArray:

@@ -21,6 +21,12 @@ SIZE = ["length_m", "width_m"]
 NOMINAL_M = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
 
 
+def detection_sizes(found: pd.DataFrame) -> FloatArray:
+    """Return length and width measured of detections, shape (n, 2); a usual car's where both are not."""
+    measured = found.reindex(columns=SIZE).to_numpy(dtype=np.float64)
+    return np.where(np.isfinite(measured).all(axis=1, keepdims=True), measured, NOMINAL_M)
+
+
 @dataclass(frozen=True)
 class TrackSizes:
     """Columns ``length_m`` and ``width_m``, indexed by ``episode`` and ``track_id``."""
