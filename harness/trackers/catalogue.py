@@ -54,6 +54,10 @@ _BUILT_IN = {
         "rivals.pmbm.tracker:build_pmbm", "rivals.pmbm.tracker:PmbmOptions",
         "Poisson multi-Bernoulli mixture filter with an occlusion model",
     ),
+    "lmb": (
+        "rivals.lmb.labelled:build_lmb", "rivals.lmb.options:LmbOptions",
+        "Labelled multi-Bernoulli filter of multisensor-lmb-filters-rs; needs Python 3.12",
+    ),
     "oracle-kalman": (
         "oracle:build_oracle_kalman", "oracle:OracleOptions",
         "Kalman filters with the true association: a reference, not a tracker",
@@ -63,12 +67,14 @@ _BUILT_IN = {
         "the detections of each scan: a baseline without memory, not a tracker",
     ),
 }  # fmt: skip
+_EXTRAS = {"lmb": ("baselines", "multisensor-lmb-filters-rs and Python 3.12")}
+_EXTRAS |= dict.fromkeys(("stonesoup", "immortal"), ("baselines", "Stone Soup"))
 _ROOM = "harness.trackers"
 trackers: Registry[TrackerFactory] = Registry(
     "tracker",
     _ROOM,
     {
-        name: Entry(f"{_ROOM}.{place}", about, *(("baselines", "Stone Soup") if place.startswith("stonesoup") else ()))
+        name: Entry(f"{_ROOM}.{place}", about, *_EXTRAS.get(name.partition("-")[0], ()))
         for name, (place, _, about) in _BUILT_IN.items()
     },
     "unknown; choose one of {known}, or package.module:factory for your own",

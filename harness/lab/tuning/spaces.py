@@ -126,6 +126,16 @@ SEARCH_SPACES: dict[str, Space] = {
         **_CONFIRM,
         **_DOUBTFUL,
     },
+    "lmb": {
+        "birth_existence": _ratio(0.001, 0.3),
+        "reported_existence": Range(0.2, 0.9),
+        "longest_unseen_s": _ratio(0.5, 20.0),
+        "stay_s": _ratio(3.0, 300.0),
+        **_BELIEF,
+        **_NOISE,
+        **_CONFIRM,
+        **_DOUBTFUL,
+    },
     "oracle-kalman": {**_MOTION, "longest_unseen_s": _ratio(2.0, 20.0), "confirm_detections": _whole(1, 8)},
 }
 

@@ -58,6 +58,8 @@ def setting() -> TrackerSetting:
 def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
     if is_made_of_stone_soup(name):
         pytest.importorskip("stonesoup")
+    if name == "lmb":
+        pytest.importorskip("multisensor_lmb_filters_rs")
     check(lambda setting, options: build_tracker(name, setting, options))
 
 
@@ -80,7 +82,7 @@ def test_only_the_oracle_is_told_the_association():
 def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(
         InputError,
-        match=r"`tracker` kalmann: unknown; choose one of box-kalman, detections, immortal-kalman, mmpf, ",
+        match=r"`tracker` kalmann: unknown; choose one of box-kalman, detections, immortal-kalman, lmb, mmpf, ",
     ):
         build_tracker("kalmann", setting(), {})
 

@@ -1,0 +1,1 @@
+"""The labelled multi-Bernoulli filter of multisensor-lmb-filters-rs."""
