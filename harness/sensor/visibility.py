@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 
 TWO_PI = 2.0 * np.pi
 NO_OCCLUDER = -1
@@ -43,8 +43,8 @@ def visible_fractions(
     boxes, count = pack_boxes(sensor_xy, *np.concatenate([bodies, walls], axis=1)), bodies.shape[1]
     if len(boxes) == 0:
         return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0)
-    extents = _angular_extents(boxes)
-    seen, occluder, behind = _sweep(boxes, extents, np.sort(_order_change_angles(boxes, extents)), count)
+    extents, angles = _order_change_angles(boxes)
+    seen, occluder, behind = _sweep(boxes, extents, np.sort(angles), count)
     return seen[:count], occluder[:count], behind[:count]
 
 
@@ -161,7 +161,7 @@ def _sweep(
     return fraction, occluder, behind
 
 
-@kernel()
+@part_of_kernel()
 def _angular_extents(boxes: FloatArray) -> FloatArray:
     """Return where each rectangle's extent begins, in [0, 2 pi), and how wide it is, shape (n, 2)."""
     extents = np.empty((len(boxes), 2))
@@ -182,9 +182,9 @@ def _angular_extents(boxes: FloatArray) -> FloatArray:
 
 
 @kernel()
-def _order_change_angles(boxes: FloatArray, extents: FloatArray) -> FloatArray:
-    """Return the angles, in [0, 2 pi) and in no order, between which the order along a ray is constant."""
-    angles = [0.0]
+def _order_change_angles(boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return extents, and angles in [0, 2 pi) in no order, between which the order along a ray is constant."""
+    extents, angles = _angular_extents(boxes), [0.0]
     for i in range(len(boxes)):
         angles.append(extents[i, 0])
         angles.append((extents[i, 0] + extents[i, 1]) % TWO_PI)
@@ -201,10 +201,10 @@ def _order_change_angles(boxes: FloatArray, extents: FloatArray) -> FloatArray:
                         crosses, x, y = _edge_crossing(boxes[i], c, boxes[j], d)
                         if crosses:
                             angles.append(np.arctan2(y, x) % TWO_PI)
-    return np.array(angles)
+    return extents, np.array(angles)
 
 
-@kernel()
+@part_of_kernel()
 def _entry_and_exit(box: FloatArray, cosine: float, sine: float) -> tuple[float, float]:
     """Return where a ray that meets the rectangle enters and leaves it (slab method)."""
     origin_x = -box[0] * box[2] - box[1] * box[3]
@@ -221,14 +221,14 @@ def _entry_and_exit(box: FloatArray, cosine: float, sine: float) -> tuple[float,
     return near, max(near, far)
 
 
-@kernel()
+@part_of_kernel()
 def _corner(box: FloatArray, number: int) -> tuple[float, float]:
     along = box[4] if number in (0, 3) else -box[4]
     across = box[5] if number < 2 else -box[5]
     return box[0] + along * box[2] - across * box[3], box[1] + along * box[3] + across * box[2]
 
 
-@kernel()
+@part_of_kernel()
 def _contains(box: FloatArray, x: float, y: float) -> bool:
     """Whether the point lies in the rectangle or on its edge."""
     along = (x - box[0]) * box[2] + (y - box[1]) * box[3]
@@ -236,7 +236,7 @@ def _contains(box: FloatArray, x: float, y: float) -> bool:
     return bool(abs(along) <= box[4] + SAME_SURFACE and abs(across) <= box[5] + SAME_SURFACE)
 
 
-@kernel()
+@part_of_kernel()
 def _edge_crossing(box: FloatArray, edge: int, other: FloatArray, other_edge: int) -> tuple[bool, float, float]:
     """Return whether two edges cross, and where; parallel edges do not."""
     ax, ay = _corner(box, edge)

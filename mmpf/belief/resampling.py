@@ -10,7 +10,7 @@ from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.belief.moments import component_moments
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 from mmpf.numerics.normals import standard_normals
 from mmpf.numerics.threads import in_shares
 
@@ -102,8 +102,7 @@ def resample_smoothly(
     rows = cloud.state, cloud.latents, cloud.log_raw_weight[None]
 
     def smooth(begin: int, end: int) -> None:
-        _resample_in_place(begin, end, begins, particles, offsets, weight, rows)
-        _smooth(begin, end, cloud.state, begins, mean, kept, factor, normal)
+        _resample_in_place(begin, end, begins, offsets, weight, rows, mean, kept, factor, normal)
 
     in_shares(smooth, len(chosen), cost=particles)
     cloud.log_weight[which[cloud.component]] = -np.log(particles)
@@ -143,7 +142,7 @@ def _systematic_ancestors(
         out += particles
 
 
-@kernel()
+@part_of_kernel()
 def _draw_ancestors(begin: int, end: int, weight: FloatArray, offset: float, ancestors: IntArray) -> None:
     """Write the ancestors, numbers from ``begin`` to ``end``, of a component's new particles."""
     total = 0.0
@@ -164,12 +163,16 @@ def _resample_in_place(
     begin: int,
     end: int,
     begins: IntArray,
-    size: int,
     offsets: FloatArray,
     weight: FloatArray,
     rows: tuple[FloatArray, FloatArray, FloatArray],
+    mean: FloatArray,
+    kept: FloatArray,
+    factor: FloatArray,
+    normal: Float32Array,
 ) -> None:
-    """Rewrite the rows of the components that begin at ``begins`` by their particles' ancestors'."""
+    """Rewrite the rows of the components that begin at ``begins`` by their particles' ancestors', and smooth these."""
+    size = normal.shape[2]
     ancestors, descended = np.empty(size, dtype=np.int64), np.empty(size)
     for c in range(begin, end):
         first, after = begins[c], begins[c] + size
@@ -181,6 +184,7 @@ def _resample_in_place(
                 # An assignment to the slice would have the compiler make ready its message for shapes that differ.
                 for k in range(size):
                     block[row, first + k] = descended[k]
+    _smooth(begin, end, rows[0], begins, mean, kept, factor, normal)
 
 
 @kernel(fastmath=True)
@@ -211,7 +215,7 @@ def _accumulate_covariances(
                 covariance[c, i, j] = covariance[c, j, i] = total
 
 
-@kernel(fastmath=True)
+@part_of_kernel(fastmath=True)
 def _smooth(
     begin: int,
     end: int,

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
-from mmpf.motion.state import ACCEL, LON, SPEED
+from mmpf.motion.state import ACCEL
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
-from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.arrays import FloatArray
 
 GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
 
@@ -85,7 +84,9 @@ class Manoeuvring:
         accel = np.clip(np.concatenate([state[ACCEL, held], drawn]), -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
         latents[HOLDS] = 0.0
         latents[HOLDS, holding] = 1.0
-        _hold(state, moved, holding, accel, dt_s)
+        driven = moved[:, holding]
+        move_along(state[:, holding], driven, accel, np.zeros_like(accel), dt_s)
+        moved[:, holding] = driven
         return moved
 
     def log_prior_over_tried(
@@ -99,14 +100,3 @@ class Manoeuvring:
             float(-np.expm1(-dt_s * self.begin_per_s)),
         )
         return begun + log_prior_over_tried(self.inner, latents[:HOLDS], after[:HOLDS], surroundings, dt_s)
-
-
-@kernel()
-def _hold(before: FloatArray, after: FloatArray, index: IntArray, accel: FloatArray, dt_s: float) -> None:
-    """Write what ``kinematic.move_along`` does for some of the particles, shape (k,)."""
-    for k in range(len(index)):
-        n = index[k]
-        speed = max(before[SPEED, n] + accel[k] * dt_s, 0.0)
-        after[LON, n] = before[LON, n] + 0.5 * dt_s * (before[SPEED, n] + speed)
-        after[SPEED, n] = speed
-        after[ACCEL, n] = 0.0 if speed == 0.0 and accel[k] < 0.0 else accel[k]

@@ -8,7 +8,7 @@ import numpy as np
 
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.numerics.arrays import BoolArray, FloatArray, Int32Array, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 from mmpf.numerics.threads import in_shares
 
 OFF_ROAD = -1
@@ -97,13 +97,13 @@ def _find_lanes(
                 break
 
 
-@kernel()
+@part_of_kernel()
 def _extent(lanes: FloatArray, lane: int) -> tuple[float, float]:
     """Return where a lane starts and ends; that of no lane holds nothing."""
     return (lanes[lane, 3], lanes[lane, 4]) if lane != OFF_ROAD else (0.0, 0.0)
 
 
-@kernel()
+@part_of_kernel()
 def _lane_at(lanes: FloatArray, lon: float, lat: float) -> int:
     """Return the lane that a position is in or next to, ``OFF_ROAD`` if there is none, as on a ramp."""
     smallest = SHOULDER_M

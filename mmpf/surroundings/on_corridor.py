@@ -48,7 +48,9 @@ def surroundings_of(
         options: What counts as the flow of traffic around.
     """
     state, component, vehicles = mixture.cloud.state, mixture.cloud.component, mixture.components
-    others = np.column_stack([moments.mean, [ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0]])
+    own = ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0
+    # Rows of other strides would have the kernel compiled once more.
+    others = np.ascontiguousarray(np.column_stack([moments.mean, own]))
     length, width = np.append(vehicles.length_m, ego.length_m), np.append(vehicles.width_m, ego.width_m)
     lane_of_other = road.lane_index_at(others[LON], others[LAT])
     probability = np.append(np.where(vehicles.confirmed, vehicles.vehicle_share, 0.0), 1.0)

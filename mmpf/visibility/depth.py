@@ -13,7 +13,7 @@ import numpy as np
 from mmpf.map.road import wall_bodies
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 
 BEARINGS = 1440
 # Walls farther away hide nothing within any sensor's range.
@@ -144,7 +144,7 @@ def _cast_shadows(
                 depth[1, sector], caster[1, sector] = entry, m
 
 
-@kernel()
+@part_of_kernel()
 def _angular_extent(x: float, y: float, half_length: float, half_width: float) -> tuple[float, float]:
     """Return the centre bearing and the half-width of a rectangle's extent, seen from the origin outside of it."""
     centre = np.arctan2(y, x)
@@ -159,7 +159,7 @@ def _angular_extent(x: float, y: float, half_length: float, half_width: float) -
     return centre, half
 
 
-@kernel()
+@part_of_kernel()
 def _ray_entry(cosine: float, sine: float, x: float, y: float, half_length: float, half_width: float) -> float:
     """Return the distance at which a ray from the origin enters the rectangle (slab test), -1 if it misses."""
     enter, leave = 0.0, np.inf

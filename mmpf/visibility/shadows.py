@@ -9,7 +9,7 @@ import numpy as np
 
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 from mmpf.numerics.threads import in_shares
 from mmpf.scan import FreeSpace
 from mmpf.visibility.depth import DepthTable, Occluders, headings_in_plane
@@ -100,7 +100,7 @@ def _look_up_rays(
         begin = end
 
 
-@kernel()
+@part_of_kernel()
 def _fraction_of_all(
     x: FloatArray,
     y: FloatArray,
@@ -142,7 +142,7 @@ def _fraction_of_all(
     return 1.0 if is_clear else 0.0
 
 
-@kernel()
+@part_of_kernel()
 def _fraction_of_each(
     x: FloatArray,
     y: FloatArray,
@@ -179,7 +179,7 @@ def _fraction_of_each(
         fraction[n] = clear / rays
 
 
-@kernel()
+@part_of_kernel()
 def _bearing(x: float, y: float) -> float:
     """Return the direction of a point seen from the origin, as ``arctan2(y, x)``."""
     largest = max(abs(x), abs(y))
@@ -193,7 +193,7 @@ def _bearing(x: float, y: float) -> float:
     return -angle if y < 0.0 else angle
 
 
-@kernel()
+@part_of_kernel()
 def _arctangent(t: float) -> float:
     """Return the arctangent of a number that is not negative, in half the library's time (Moshier's Cephes)."""
     offset = 0.0

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mmpf.numerics.arrays import Float32Array, FloatArray, Int32Array
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 from mmpf.numerics.products import multiply
 
 
@@ -106,7 +106,7 @@ def draw_outputs(
                 drawn[output, first + row] = scaling.output_mean[output] + scaling.output_scale[output] * value
 
 
-@kernel(fastmath=True)
+@part_of_kernel(fastmath=True)
 def _expand(x: FloatArray, scaling: Scaling, expanded: Float32Array) -> None:
     """Write ``[1, x, x_i x_j (i <= j)]`` of standardised columns (p, r) as the first r columns of ``expanded``."""
     p, rows = x.shape
@@ -127,7 +127,7 @@ def _expand(x: FloatArray, scaling: Scaling, expanded: Float32Array) -> None:
             column += 1
 
 
-@kernel(fastmath=True)
+@part_of_kernel(fastmath=True)
 def _pick(logits: Float32Array, uniform: Float32Array, top: Float32Array, component: Int32Array) -> None:
     """Draw a component for each of the first columns of ``logits``, shape (k, BLOCK), which is overwritten.
 

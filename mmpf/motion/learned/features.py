@@ -29,10 +29,8 @@ def situation(
         leader_speed_mps: Leader's speed, shape (n,).
         leader_accel_mps2: Leader's acceleration, shape (n,).
     """
-    everyone = np.arange(len(gap_m))
-    seen = np.empty((SITUATION_SIZE, len(everyone)))
-    write_situations(everyone, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
-    return np.ascontiguousarray(seen.T)
+    log_gap = np.log(np.maximum(gap_m, SMALLEST_GAP_M))
+    return np.stack([log_gap, speed_mps, accel_mps2, speed_mps - leader_speed_mps, leader_accel_mps2], axis=1)
 
 
 def write_situations(
@@ -42,7 +40,7 @@ def write_situations(
     accel_mps2: FloatArray,
     leader_speed_mps: FloatArray,
     leader_accel_mps2: FloatArray,
-    seen: FloatArray | Float32Array,
+    seen: Float32Array,
 ) -> None:
     """Write what the followers ``index``, shape (k,), see into ``seen``, shape (5, k), variable by variable.
 
@@ -67,7 +65,7 @@ def _gather(
     accel: FloatArray,
     leader_speed: FloatArray,
     leader_accel: FloatArray,
-    seen: FloatArray | Float32Array,
+    seen: Float32Array,
 ) -> None:
     for k in range(len(index)):
         n = index[k]

@@ -9,7 +9,7 @@ import numpy as np
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 
 ARRIVED_WITHIN_M = 0.3
 AVOIDED_BY_M = 1.0
@@ -153,7 +153,7 @@ def drive(
         after[LAT_ACCEL, n] = pull
 
 
-@kernel()
+@part_of_kernel()
 def _hardest_that_avoids(gap: float, closing: float) -> float:
     """Return the acceleration that just avoids the leader where that takes real braking, infinity elsewhere.
 

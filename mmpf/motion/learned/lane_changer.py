@@ -17,7 +17,7 @@ from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.protocol import NeighbourView, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 
 CHANGE = MixtureFile("lane-change", inputs=14, outputs=6)
 FURTHEST_NEIGHBOUR_M = 100.0
@@ -228,12 +228,12 @@ def advance(
         after[LAT_ACCEL, n] = side * _held(sampled[4, n], -HARDEST_STEERING_MPS2, HARDEST_STEERING_MPS2)
 
 
-@kernel()
+@part_of_kernel()
 def _held(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-@kernel()
+@part_of_kernel()
 def _near(advance_m: float, by_speeds_m: float) -> float:
     """Return the sampled advance, held to 5 cm of the one that follows from the speeds."""
     return _held(advance_m, by_speeds_m - ADVANCE_TOLERANCE_M, by_speeds_m + ADVANCE_TOLERANCE_M)

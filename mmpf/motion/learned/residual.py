@@ -20,7 +20,7 @@ from mmpf.motion.learned.network_file import read_network, save_network
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import SPEED
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.kernels import kernel, part_of_kernel
 from mmpf.numerics.normals import standard_normals
 from mmpf.numerics.products import multiply
 from mmpf.numerics.threads import in_shares
@@ -165,7 +165,7 @@ def _forward_in_blocks(
         approach(block, added[0], network.b3[0], lag, accel[start : start + size])
 
 
-@kernel(fastmath=True)
+@part_of_kernel(fastmath=True)
 def _units(sums: Float32Array, shift: Float32Array) -> Float32Array:
     """Return what units make of the weighted sums of their inputs, shape (h, n), which is rewritten."""
     for j in range(len(sums)):
