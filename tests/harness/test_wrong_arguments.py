@@ -58,20 +58,6 @@ def test_options_that_contradict_or_lead_nowhere_are_one_line(words, tmp_path, m
     assert len(capfd.readouterr().err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("option", ["markdown", "html"])
-def test_a_comparison_replaces_no_file_that_it_did_not_write(option, tmp_path, capfd):
-    scene, file = write_recorded_scene(tmp_path / "scene"), tmp_path / "precious.py"
-    words = ["compare", str(scene), str(scene), f"--{option}", str(file), "--quiet", "--allow-undecided"]
-    assert run_command_line(words) == 0
-    assert run_command_line(words) == 0, "its own file may be replaced"
-    file.write_text("precious")
-    assert run_command_line(words) == 2
-    assert f"--{option}" in capfd.readouterr().err
-    assert file.read_text() == "precious"
-    assert run_command_line([*words, "--force"]) == 0
-    assert file.read_text() != "precious"
-
-
 def test_nothing_is_left_of_what_was_refused(tmp_path):
     path = own(tmp_path, net="<net>" + "x" * 10)
     before = sorted(tmp_path.iterdir())

@@ -56,23 +56,6 @@ def test_wrong_input_is_told_in_one_line(arguments, named, capsys, tmp_path, mon
     assert not list(tmp_path.rglob("*.parquet"))
 
 
-@pytest.mark.parametrize("damage", ["missing", "cut", "not xml"])
-def test_a_broken_network_file_is_told_in_one_line(damage, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine").mkdir()
-    for name in ("network.toml", "vehicles.add.xml"):
-        (tmp_path / "mine" / name).write_bytes((US101 / name).read_bytes())
-    net = tmp_path / "mine" / "us101.net.xml"
-    if damage == "cut":
-        net.write_bytes((US101 / net.name).read_bytes()[:3000])
-    elif damage == "not xml":
-        net.write_text("hello")
-    code, _, err = complaint(["run", "--net", "mine", "--duration", "1"], capsys)
-    assert code == 2
-    assert len(err.splitlines()) == 1
-    assert net.name in err
-
-
 @pytest.mark.parametrize(
     ("error", "code"),
     [

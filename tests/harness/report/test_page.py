@@ -73,14 +73,6 @@ def test_a_run_that_did_not_end_has_no_page(tmp_path):
         write_page(folder)
 
 
-@pytest.mark.parametrize("name", ["metrics.json", "tracks.parquet", "events.parquet", "road.json", "config.toml"])
-def test_a_damaged_run_is_told_by_the_file(tmp_path, name):
-    folder = write_recorded_scene(tmp_path / "run")
-    (folder / name).write_bytes((folder / name).read_bytes()[:15])
-    with pytest.raises(InputError, match=name):
-        write_page(folder)
-
-
 def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
     folder = tmp_path / "grid"
     (folder / "figures").mkdir(parents=True)

@@ -237,7 +237,6 @@ def sumo_runs(tmp_path_factory) -> dict[str, Path]:
         "same": {},
         "cam": {"model": "cam"},
         "few": {"particles": 100},
-        "seed": {"seed": 2},
     }
     folder = tmp_path_factory.mktemp("runs")
     return {
@@ -266,12 +265,6 @@ def test_model_and_particles_change_the_tracks_alone(sumo_runs, other):
     for table in (runfolder.TRUTH, runfolder.DETECTIONS):
         assert (sumo_runs["one"] / table).read_bytes() == (sumo_runs[other] / table).read_bytes(), table
     assert (sumo_runs["one"] / runfolder.TRACKS).read_bytes() != (sumo_runs[other] / runfolder.TRACKS).read_bytes()
-
-
-@pytest.mark.slow
-def test_another_seed_is_another_drive(sumo_runs):
-    for table in TABLES:
-        assert (sumo_runs["one"] / table).read_bytes() != (sumo_runs["seed"] / table).read_bytes(), table
 
 
 @pytest.mark.slow
