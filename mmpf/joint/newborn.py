@@ -167,9 +167,8 @@ def appearances_at(
 
     here, newborn = visible(0.0), options.joint.newborn
     distance = plane.distance_m(lon, lat)
-    watched = np.clip((sensor.range_m - distance) / newborn.edge_m - 0.5, 0.0, 1.0)
     shares = known.reach.shares(options.joint.reach.prior_scans)
-    watched *= np.minimum(share_at(distance, shares, known.reach.ring_m), 1.0)
+    watched = np.minimum(share_at(distance, shares, known.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
     watched *= -np.expm1(-known.false_objects.since_start_s / newborn.first_look_s)
 
@@ -177,8 +176,13 @@ def appearances_at(
         """Return the degree of plain view for vehicles that pass the ego at a speed."""
         edge_m = newborn.shadow_edge_s * passing_mps
         before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
-        return watched * np.clip(
-            (before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0.0, 1.0
+        inside = np.clip((sensor.range_m - distance) / max(newborn.edge_m, edge_m) - 0.5, 0.0, 1.0)
+        return (
+            inside
+            * watched
+            * np.clip(
+                (before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0.0, 1.0
+            )
         )
 
     moving = in_view(SLOWEST_PASSING_MPS)

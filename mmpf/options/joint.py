@@ -143,10 +143,10 @@ class JointNewborn(Settings):
     first_look_s: Positive = 1.0
     """Time after the first scan until the vehicles in plain view have been detected."""
     edge_m: Positive = 8.0
-    """Width of the zone at the edge of the range."""
+    """Least width of the zone at the edge of the range."""
     shadow_edge_s: NotNegative = 0.5
-    """Time for which a vehicle may have left a shadow before it is detected; the ego passes standing vehicles at its
-    own speed.
+    """Time for which a vehicle may have left a shadow, or entered the range, before it is detected; the ego passes
+    standing vehicles at its own speed.
     """
 
 

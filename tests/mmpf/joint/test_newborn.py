@@ -25,12 +25,13 @@ from mmpf.joint.kinds import (
 )
 from mmpf.joint.known import Known
 from mmpf.joint.newborn import SLOWEST_PASSING_MPS, Appearances, appearances_at, kinds_at_birth
+from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointOptions
 from mmpf.scan import SensorModel
 from mmpf.visibility.range_profile import Reach
-from tests.mmpf.scenes import belief_of, lane_centre, spot
+from tests.mmpf.scenes import ROAD, belief_of, ego_at, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
 OPTIONS = JointOptions()
@@ -62,8 +63,10 @@ def counted(number: float, watched_s: float) -> FalseObjects:
     )
 
 
-def places_of(places: list[tuple[float, float]], mixture: Mixture, since_start_s: float = 1e3) -> Appearances:
-    situation = situation_with(places)
+def places_of(
+    places: list[tuple[float, float]], mixture: Mixture, since_start_s: float = 1e3, ego_mps: float = 20.0
+) -> Appearances:
+    situation = replace(situation_with(places), plane=SensorPlane(ego_at(speed_mps=ego_mps), ROAD))
     known = replace(Known.of_data_sheet(SENSOR), false_objects=replace(NOTHING, since_start_s=since_start_s))
     moments = component_moments(mixture)
     return appearances_at(np.arange(len(places)), mixture, moments, known, situation, FilterOptions())
@@ -231,3 +234,14 @@ def test_a_vehicle_that_stands_may_have_come_out_of_a_shadow_at_the_egos_speed()
     most = OPTIONS.newborn.appear_out_of_view_per_s / OPTIONS.newborn.appear_in_view_per_s
     assert ratio[beyond] == pytest.approx(most)
     assert ratio[found.in_view_standing == found.in_view] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("ego_mps", [10.0, 30.0])
+def test_a_vehicle_that_stands_may_have_entered_the_range_at_the_egos_speed(ego_mps: float) -> None:
+    """Fast, the ego is far inside the range of a stopped car before the first detections of it."""
+    lon = np.linspace(70.0, 99.5, 60)
+    found = places_of([(each, LANE) for each in lon], belief_of([]), ego_mps=ego_mps)
+    zone_m = max(OPTIONS.newborn.edge_m, OPTIONS.newborn.shadow_edge_s * ego_mps)
+    inside = np.clip((SENSOR.range_m - lon) / zone_m - 0.5, 0.0, 1.0)
+    assert found.in_view_standing == pytest.approx(inside)
+    assert (found.in_view > inside + 1e-9).any() == (ego_mps == 30.0)
