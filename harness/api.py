@@ -301,6 +301,8 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
     """
     with _input_errors():
         values = checked(RunOptions, options, "run")
+        if values["resume"] and values["out"] is None:
+            raise InputError("`resume`: name the folder of the run; for example `out` results/cam")
         config = _run_config(values)
         # Only now: what is wrong with the input is told before anything heavy is imported.
         from harness.report import figures, page, video  # noqa: PLC0415
@@ -315,6 +317,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             config,
             out=values["out"],
             force=values["force"],
+            resume=values["resume"],
             command=command,
             quiet=quiet,
             draw=running.Drawing(figures.draw_figures, page.write_run_page),

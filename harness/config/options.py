@@ -211,6 +211,12 @@ class RunOptions(TypedDict, total=False):
         ),
     ]
     force: Annotated[bool, Option("Replace an earlier run in --out.", panel=RESULT, default=False)]
+    resume: Annotated[
+        bool,
+        Option(
+            "Keep the finished run in --out if its settings, code and models are the same.", panel=RESULT, default=False
+        ),
+    ]
     video: Annotated[Path | str | None, Option("Write a top-view video to this MP4 file.", panel=RESULT)]
 
 

@@ -17,6 +17,7 @@ from harness.common.progress import progress_bar, working
 from harness.common.signals import signals_held, told_to_end
 from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
+from harness.running.kept import kept_metrics
 from harness.running.looks import Looks
 from harness.running.open import OpenLooks, check_driver, check_tracker, open_looks
 from harness.running.provenance import provenance_of
@@ -80,6 +81,7 @@ def run(
     *,
     out: Path | None = None,
     force: bool = False,
+    resume: bool = False,
     command: str = "",
     quiet: bool = True,
     draw: Drawing | None = None,
@@ -90,14 +92,19 @@ def run(
     Args:
         out: Where the folder goes; by default a name in ``results/`` that tells the main settings.
         force: Whether an earlier run in ``out`` may be replaced.
+        resume: Whether a finished run in ``out`` that is the same is kept.
 
     Raises:
-        InputError: The input is wrong or no window can be opened; nothing is left behind.
+        InputError: The input is wrong, no window can be opened or another run is in ``out``; nothing is left behind.
         RunError: The run failed part-way; its finished steps lie in a folder that says so.
         RunInterruptedError: The user stopped the run; likewise.
     """
     check_tracker(config)
     check_driver(config)
+    if resume and out is not None:
+        kept = kept_metrics(config, out, lambda line: None if quiet else sys.stderr.write(f"{line}\n"))
+        if kept is not None:
+            return FinishedRun(out, kept)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     attempt = _Attempt(config, pending.path, command)
     if pending.replaced is not None and not quiet:

@@ -159,6 +159,27 @@ def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(
         run_on(steady_traffic, configured(), tmp_path / "run")
 
 
+def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another(steady_traffic, tmp_path, capsys):
+    out, untouched = tmp_path / "run", SteadyTraffic(steps=12)
+    made = run_on(steady_traffic, configured(), out, resume=True)
+    before = {path: path.stat().st_mtime_ns for path in out.iterdir()}
+    kept = run_on(untouched, configured(), out, resume=True, quiet=False)
+    assert (kept.folder, kept.metrics) == (made.folder, made.metrics)
+    assert "the 12 steps in" in capsys.readouterr().err
+    with pytest.raises(InputError, match="seed 0 there, 7 now"):
+        run_on(untouched, configured(seed=7), out, resume=True)
+    manifest = json.loads((out / "manifest.json").read_text())
+    changed = manifest | {"code_sha256": manifest["code_sha256"] | {"mmpf": "0" * 64}}
+    (out / "manifest.json").write_text(json.dumps(changed))
+    with pytest.raises(InputError, match="mmpf has changed"):
+        run_on(untouched, configured(), out, resume=True)
+    (out / "manifest.json").write_text(json.dumps(manifest))
+    assert {path for path in out.iterdir() if before[path] != path.stat().st_mtime_ns} == {out / "manifest.json"}
+    out.rename(tmp_path / "next.incomplete")
+    run_on(SteadyTraffic(steps=12), configured(), tmp_path / "next", resume=True, quiet=False)
+    assert "can't be continued and stay there" in capsys.readouterr().err
+
+
 def test_a_run_that_breaks_while_it_is_drawn_does_not_look_finished(steady_traffic, tmp_path):
     def broken(folder: Path) -> None:
         raise OSError("no space left")
