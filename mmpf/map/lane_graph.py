@@ -18,6 +18,9 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 NOWHERE = -1
 """In place of a lane's index: no lane."""
 
+NO_LIMIT_MPS = 130.0 / 3.6
+"""In place of an unknown speed limit. A limit from this on says nothing of how fast a lane is driven."""
+
 NO_MAP = "no map"
 NO_MAP_AT_M = 1e7
 

@@ -14,7 +14,7 @@ from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
-from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
@@ -40,6 +40,16 @@ LOST_M, ASTRAY_RAD = 1.5, np.deg2rad(60.0)
 LOOKS_AROUND = 0.2
 # How near to a lane's middle a vehicle was born that belongs to it.
 BESIDE_STD_M = 1.0
+# A map can be wrong. This is the weight of no lane against that of a lane whose middle the vehicle is on. At this rate
+# particles of a vehicle in sight leave their lane, so that its detections can overrule the map.
+ON_NO_LANE, LEAVES_PER_S = 0.01, 0.02
+# Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
+SLOWEST_TURN_MPS = 1.0
+TIGHTEST_CURVATURE_PER_M = 0.2
+MOST_TURN_RAD = 1.0
+# Where no lanes hold vehicles they turn: lateral accelerations of 0.7 m/s² (root mean square) that last for 1.5 s are
+# like white noise of sqrt(2 * 0.7² * 1.5) m/s per root second on the lateral speed.
+TURNING_STD = 1.2
 
 
 def guidance(latents: FloatArray) -> tuple[IntArray, IntArray]:
@@ -126,6 +136,8 @@ class LaneFollowing:
             along, left = surroundings.along_m, surroundings.left_m
         else:
             along, left, _ = graph.on_lane(lane, state[LON], state[LAT])
+        leaves = ~surroundings.is_hidden & (rng.random(len(lane), dtype=np.float32) < LEAVES_PER_S * dt_s)
+        lane[leaves] = following[leaves] = NOWHERE
         free = lane == NOWHERE
         local = state.copy()
         # Off every lane a vehicle goes on as it points, from where it is.
@@ -156,12 +168,17 @@ class LaneFollowing:
             graph.first_successor,
         )
         x, y, direction = graph.place(lane, along, left)
-        cosine, sine = np.cos(latents[HEADING]), np.sin(latents[HEADING])
+        heading = latents[HEADING]
+        cosine, sine = np.cos(heading), np.sin(heading)
         moved[LON] = np.where(free, state[LON] + along * cosine - left * sine, x)
         moved[LAT] = np.where(free, state[LAT] + along * sine + left * cosine, y)
         hold_still(moved, state, stands)
         drift_in_plane(moved, stands, self.drift_std * np.sqrt(dt_s), rng)
-        direction = np.where(free, latents[HEADING], direction)
+        # Off every lane a vehicle goes where it points, as in a plane without lanes.
+        steered = np.sqrt(dt_s) * TURNING_STD * rng.standard_normal(len(lane))
+        turn = turn_of(moved[SPEED], moved[LAT_SPEED] + steered, dt_s)
+        direction = np.where(free, wrapped(heading + turn), direction)
+        moved[LAT_SPEED, free] = 0.0
         beyond = (along < -LOST_M) | (along > graph.length_m[lane] + LOST_M)
         astray = free | beyond | (np.abs(left) > 0.5 * graph.width_m[lane] + LOST_M)
         self._find_way_back(moved, np.flatnonzero(astray), lane, following, direction, rng)
@@ -217,18 +234,24 @@ class LaneFollowing:
     def _draw_lanes(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, rng: np.random.Generator
     ) -> tuple[IntArray, FloatArray]:
-        """Draw a lane beside each place that leads a vehicle's way (any way where that is nan), and the direction."""
+        """Draw a lane or none beside each place that leads a vehicle's way (any way if nan), and the direction."""
         near = self.graph.lanes_near(x, y)
-        weight = np.where(near.lane >= 0, np.exp(-0.5 * (near.left_m / BESIDE_STD_M) ** 2) + 1e-3, 0.0)
+        weight = np.where(near.lane >= 0, np.exp(-0.5 * (near.left_m / BESIDE_STD_M) ** 2), 0.0)
         off = np.abs(wrapped(near.heading_rad - heading[:, None]))
         weight[off > ASTRAY_RAD] = 0.0
         share = np.cumsum(weight, axis=1)
-        drawn = (rng.uniform(size=len(x))[:, None] * share[:, -1:] >= share).sum(axis=1)
-        rows, found = np.arange(len(x)), share[:, -1] > 0.0
-        drawn = np.where(found, np.minimum(drawn, near.lane.shape[1] - 1), 0)
+        drawn = (rng.uniform(size=len(x))[:, None] * (share[:, -1:] + ON_NO_LANE) >= share).sum(axis=1)
+        rows, found = np.arange(len(x)), drawn < near.lane.shape[1]
+        drawn = np.where(found, drawn, 0)
         anywhere = np.where(np.isnan(heading), rng.uniform(-np.pi, np.pi, len(x)), heading)
         lane = np.where(found, near.lane[rows, drawn], NOWHERE)
         return lane, np.where(found, near.heading_rad[rows, drawn], anywhere)
+
+
+def turn_of(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> FloatArray:
+    """Return by how much vehicles turn that drift, no more than their tightest bend lets them in a step, shape (n,)."""
+    most = np.minimum(TIGHTEST_CURVATURE_PER_M * speed_mps * dt_s, MOST_TURN_RAD)
+    return np.asarray(np.clip(np.arctan2(lat_speed_mps, np.maximum(speed_mps, SLOWEST_TURN_MPS)), -most, most))
 
 
 @kernel()

@@ -13,21 +13,13 @@ import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
-from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, LaneFollowing
+from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, TURNING_STD, LaneFollowing, turn_of
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
 from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
 from mmpf.scan import BodyHeadings
-
-# Slower than this a vehicle hardly turns, and its lateral speed says nothing of its direction.
-SLOWEST_TURN_MPS = 1.0
-TIGHTEST_CURVATURE_PER_M = 0.2
-MOST_TURN_RAD = 1.0
-# Where no lanes hold vehicles they turn: lateral accelerations of 0.7 m/s² (root mean square) that last for 1.5 s are
-# like white noise of sqrt(2 * 0.7² * 1.5) m/s per root second on the lateral speed.
-TURNING_STD = 1.2
 
 
 @dataclass(frozen=True)
@@ -85,9 +77,9 @@ class OffMapMotion:
         local[LON] = local[LAT] = local[LAT_SPEED] = 0.0
         moved, carried = self.inner.propagate(local, latents[:-GUIDANCE_SIZE], surroundings, dt_s, rng)
         steered = np.sqrt(dt_s) * self.turning_std * rng.standard_normal(state.shape[1])
-        heading = latents[HEADING] + _turn(state[SPEED], state[LAT_SPEED] + steered, dt_s)
+        heading = latents[HEADING] + turn_of(state[SPEED], state[LAT_SPEED] + steered, dt_s)
         x, y = turned(moved[LON], moved[LAT], -heading)
-        turn = _turn(moved[SPEED], moved[LAT_SPEED], dt_s)
+        turn = turn_of(moved[SPEED], moved[LAT_SPEED], dt_s)
         moved[LON], moved[LAT] = state[LON] + x, state[LAT] + y
         # What a model steers is a part of the path's speed.
         moved[SPEED] = moved[SPEED] / np.cos(turn)
@@ -106,12 +98,6 @@ class OffMapMotion:
         """Return what the inner model says of weights; see ``TriesMore``."""
         own, then = latents[:-GUIDANCE_SIZE], after[:-GUIDANCE_SIZE]
         return log_prior_over_tried(self.inner, own, then, surroundings, dt_s)
-
-
-def _turn(speed_mps: FloatArray, lat_speed_mps: FloatArray, dt_s: float) -> FloatArray:
-    """Return by how much vehicles turn that drift, no more than their tightest bend lets them in a step, shape (n,)."""
-    most = np.minimum(TIGHTEST_CURVATURE_PER_M * speed_mps * dt_s, MOST_TURN_RAD)
-    return np.asarray(np.clip(np.arctan2(lat_speed_mps, np.maximum(speed_mps, SLOWEST_TURN_MPS)), -most, most))
 
 
 def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneFollowing | OffMapMotion:

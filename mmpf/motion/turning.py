@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from mmpf.map.control import FREE, YIELD
-from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE, LaneGraph
 from mmpf.motion.kinematic import committed_table
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
@@ -42,10 +42,14 @@ def turning_driver() -> TurningDriver:
 
 
 def lane_speeds(graph: LaneGraph, driver: TurningDriver) -> FloatArray:
-    """Return how fast each lane is driven: by its limit, and in turns across junctions by its bend, m/s, (l,)."""
+    """Return how fast each lane is driven, m/s, (l,): by its limit, and in turns across junctions by its bend.
+
+    Infinite where neither is known, since a limit that nobody reaches says nothing of how fast a street is driven.
+    """
+    limit = np.where(graph.speed_limit_mps < NO_LIMIT_MPS, graph.speed_limit_mps, np.inf)
     with np.errstate(divide="ignore"):
         in_turn = np.sqrt(driver.turning_mps2 / graph.curvature_per_m)
-    return np.where(graph.in_junction, np.minimum(graph.speed_limit_mps, in_turn), graph.speed_limit_mps)
+    return np.where(graph.in_junction, np.minimum(limit, in_turn), limit)
 
 
 def road_speeds(

@@ -15,7 +15,7 @@ from harness.truth.network.polyline import at_shares, followers, grid_origin, le
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
 from mmpf.map.graph_road import LaneGraphRoad
-from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE, LaneGraph
 from mmpf.map.limits import graph_problem
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
@@ -26,8 +26,6 @@ ONE_WAY_RAD, MOST_ASIDE = np.deg2rad(20.0), 0.05
 PIECE_M = 20.0
 # Kinds of lanelets that no car drives on.
 NOT_FOR_CARS = frozenset({"crosswalk", "sidewalk", "bicycleLane"})
-# Where nothing is stated nobody is held back.
-NO_LIMIT_MPS = 130.0 / 3.6
 SHORTEST_LANE_M, NARROWEST_LANE_M, SAME_POINT_M = 0.1, 0.5, 0.01
 STRAIGHT_WITHIN_M = 0.05
 # Long pieces are divided, since the squares of the plane that a piece may be in are those of its bounding box.

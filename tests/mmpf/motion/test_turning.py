@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
-from mmpf.map.lane_graph import NOWHERE
+from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE
 from mmpf.motion.learned.driver import DESIRED_SPEED, PACE, LearnedDriver
 from mmpf.motion.state import SPEED
 from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds, turning_driver
@@ -29,6 +29,12 @@ def approach_and_turn(*, gives_way: bool = False):
 
 def test_a_turn_is_driven_with_the_lateral_acceleration_and_a_road_at_its_limit() -> None:
     assert lane_speeds(approach_and_turn(), DRIVER) == pytest.approx([14.0, np.sqrt(2.0 * 8.0)], rel=1e-2)
+
+
+def test_where_no_limit_is_known_only_the_turn_says_how_fast_the_road_is_driven() -> None:
+    graph = approach_and_turn()
+    graph.speed_limit_mps[:] = NO_LIMIT_MPS
+    assert lane_speeds(graph, DRIVER) == pytest.approx([np.inf, 4.0], rel=1e-2)
 
 
 def test_before_a_turn_the_speed_falls_as_gentle_braking_makes_it_fall() -> None:
