@@ -50,8 +50,8 @@ def command(options: Options) -> None:
 
     situations: errors after 1 to 10 s unseen in free driving, following,
     stop-and-go, after a cut-in and around lane changes, simulated or, with
-    --real-data, recorded. With --model-file and --net it shows how a model
-    that was trained on one network transfers to another.
+    --real-data, recorded. With --model-file it shows how a model that was
+    trained on one road does on another. --net must have one main road.
     ablation: in dense traffic, undo the tracker's departures from the paper
     one at a time.
 
@@ -62,7 +62,7 @@ def command(options: Options) -> None:
       python -m harness study lane-keeping
       python -m harness study lane-change --models gmm,cvm,cam --cases 100
       python -m harness study situations --real-data recordings
-      python -m harness study situations --net curve --models residual --model-file mine/residual.npz
+      python -m harness study situations --real-data recordings --models residual --model-file residual.npz
       python -m harness study ablation
     """
     parameters, study = NO_CHOICE.get(options["case"], (("real_data",), "a study of simulated traffic"))
