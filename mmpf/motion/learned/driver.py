@@ -183,7 +183,9 @@ class LearnedDriver:
         """Return what it says of weights that particles in sight change lanes more often; see ``TriesMore``."""
         if not self.changes_lanes:
             return np.zeros(latents.shape[1])
-        return self.model.keeper.log_prior_over_tried(latents[INTENTION:], after[INTENTION:], surroundings, dt_s)
+        return self.model.keeper.log_prior_over_tried(
+            latents[INTENTION:HABIT], after[INTENTION:HABIT], surroundings, dt_s
+        )
 
     def _changing(
         self,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 
@@ -43,8 +45,9 @@ def test_where_nothing_is_detected_as_much_weight_is_in_manoeuvres_as_drivers_ar
     assert weight[holds].sum() / weight.sum() == pytest.approx(share, rel=0.05)
 
 
-def test_as_much_weight_is_in_lane_changes_as_drivers_change() -> None:
-    model = LearnedDriver()
+@pytest.mark.parametrize("name", ["gmm", "residual"])
+def test_as_much_weight_is_in_lane_changes_as_drivers_change(name: str) -> None:
+    model = cast("LearnedDriver", motion_models[name]())
     latents, weight = driven(model, 5)
     changes, rate = latents[INTENTION] != 0.0, model.model.keeper.changes_per_s
     assert changes.mean() > 5.0 * 2.0 * rate * 5 * DT_S
@@ -65,7 +68,8 @@ def test_a_model_that_draws_from_its_prior_weighs_nothing() -> None:
 
 def test_who_goes_on_with_what_it_began_keeps_its_weight() -> None:
     state = states(3)
-    before, after = np.zeros((8, 3)), np.zeros((8, 3))
+    # The rows of habits and noise change at every step, whatever the intention.
+    before, after = np.zeros((8, 3)), np.random.default_rng(0).normal(size=(8, 3))
     before[INTENTION], before[TARGET] = 1.0, 9.0
     after[INTENTION], after[TARGET] = [1.0, -1.0, 0.0], [9.0, 2.0, 9.0]
     keeper = LearnedDriver().model.keeper
