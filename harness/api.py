@@ -66,18 +66,33 @@ class Run:
         ``label`` is its name with its unit, where people are told one.
         An interval ends in ``.low`` and ``.high``, an entry of a list in its place from 0.
         """
-        from harness.running import finished  # noqa: PLC0415
-
-        flat = flattened(finished.read_metrics(self.folder, "folder"))
+        content, labels = self._content
+        flat = flattened(content)
         numbers = {name: value for name, value in flat.items() if not isinstance(value, str | bool)}
-        values, labels = pd.Series(numbers, dtype="float64"), finished.labels()
+        values = pd.Series(numbers, dtype="float64")
         return pd.DataFrame({"value": values, "label": [labels.get(name, "") for name in values.index]}).rename_axis(
             "metric"
         )
 
     def _repr_html_(self) -> str:
-        """Return the folder's name and the run's numbers, as notebooks show them."""
-        return f"<p>{escape(str(self.folder))}</p>{self.metrics.to_html()}"
+        """Return a link to the run's page, if there is one, and its numbers, as notebooks show them."""
+        return _linked(self.folder) + self.metrics.to_html()
+
+    def __repr__(self) -> str:
+        """Return the folder and what the run was of."""
+        return f"Run({str(self.folder)!r}: {', '.join(f'{name} {value}' for name, value in self.about.items())})"
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What the run was of: network, density, seed, tracker, motion model, sensor and so on, by name."""
+        return {name: value for name, value in self._content[0].get("run", {}).items() if value is not None}
+
+    @cached_property
+    def _content(self) -> tuple[dict[str, Any], Mapping[str, str]]:
+        """Return what is in ``metrics.json``, and the labels of its numbers."""
+        from harness.running import finished  # noqa: PLC0415
+
+        return finished.read_metrics(self.folder, "folder"), finished.labels()
 
     @cached_property
     def truth(self) -> pd.DataFrame:
@@ -152,6 +167,10 @@ class Grid:
 
     folder: Path
 
+    def _repr_html_(self) -> str:
+        """Return a link to the page, if there is one, and the curves' numbers, as notebooks show them."""
+        return _linked(self.folder) + pd.DataFrame(self.summary.get("curves", [])).to_html(index=False)
+
     @cached_property
     def runs(self) -> pd.DataFrame:
         """One row per run, failed ones too: ``succeeded``, ``error``, its settings, and every metric by its name."""
@@ -198,6 +217,12 @@ class _CompareOptions(TypedDict, total=False):
     b: Annotated[Path | str, Option("Likewise.")]
     primary: Annotated[list[str] | None, Option("Keys of metrics.")]
     allow_different: Annotated[bool, Option("Whether different experiments are compared.")]
+
+
+def _linked(folder: Path) -> str:
+    """Return a folder's name, which leads to its page if there is one."""
+    page, name = folder / "report.html", escape(str(folder))
+    return f'<p><a href="{escape(str(page))}">{name}</a></p>' if page.is_file() else f"<p>{name}</p>"
 
 
 def run(*, quiet: bool = True, **options: Unpack[RunOptions]) -> Run:

@@ -111,7 +111,10 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
         _refuse_pipes(arguments)
         outcome = group(args=_completed(arguments, called), prog_name="python -m harness", standalone_mode=False)
         sys.stdout.flush()
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit) as error:
+        # Typer makes a SystemExit of a reader that has gone.
+        if isinstance(error, SystemExit) and not isinstance(error.__context__, BrokenPipeError):
+            raise
         # Python would complain once more when it flushes stdout at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return exit_codes.READER_GONE

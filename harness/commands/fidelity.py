@@ -15,7 +15,15 @@ class Options(TypedDict):
     net: shared.Net
     demand: Annotated[str | None, Option("Names of demands, separated by commas. (default: all with measurements)")]
     seeds: Annotated[str, Option("Number of seeds, or the range A:B without B.", default="0:5")]
-    minutes: Annotated[float, Option("Simulated minutes per run.", default=15.0, least=1.0, most=600.0)]
+    minutes: Annotated[
+        float,
+        Option(
+            "Simulated minutes per run; more than the first that the recording undercounts, 2 on us101.",
+            default=15.0,
+            least=1.0,
+            most=600.0,
+        ),
+    ]
     fields: Annotated[
         Path | None,
         Option("Folder of the recorded fields, to repeat the measurement. (default: the network's measured_file)"),

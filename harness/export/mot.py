@@ -73,7 +73,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         )
         files += [
             _written(folder / "gt" / name / "gt" / "gt.txt", truth_lines),
-            _written(folder / "gt" / name / "seqinfo.ini", _sequence_info(name, rows)),
+            _written(folder / "gt" / name / "seqinfo.ini", _sequence_info(name, run.step_s, len(rows.time_s))),
             _written(folder / "trackers" / folder_name(run.config.tracker.name) / "data" / f"{name}.txt", track_lines),
         ]
     return files
@@ -100,9 +100,8 @@ def _lines(step: IntArray, identity: IntArray, boxes: FloatArray, ends: list[str
     )
 
 
-def _sequence_info(name: str, rows: RunRows) -> str:
-    step_s = float(np.median(np.diff(rows.time_s))) if len(rows.time_s) > 1 else 0.1
-    return f"[Sequence]\nname={name}\nframeRate={1.0 / step_s:g}\nseqLength={len(rows.time_s)}\n"
+def _sequence_info(name: str, step_s: float, steps: int) -> str:
+    return f"[Sequence]\nname={name}\nframeRate={1.0 / step_s:g}\nseqLength={steps}\n"
 
 
 def _written(path: Path, text: str) -> Path:

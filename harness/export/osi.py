@@ -152,8 +152,7 @@ def _spread(found: Any, columns: Columns, row: int) -> None:  # noqa: ANN401
 def _stamp(message: Any, time_s: float) -> None:  # noqa: ANN401
     version = message.version
     version.version_major, version.version_minor, version.version_patch = OSI_VERSION
-    nanoseconds = round(time_s * 1e9)
-    message.timestamp.seconds, message.timestamp.nanos = divmod(nanoseconds, 1_000_000_000)
+    message.timestamp.seconds, message.timestamp.nanos = divmod(round(time_s * 1e9), 1_000_000_000)
 
 
 def _place(base: Any, x: float, y: float, z: float, yaw: float, size: tuple[float, float]) -> None:  # noqa: ANN401

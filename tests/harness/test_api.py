@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -230,6 +231,10 @@ def test_completion_offers_the_public_names_alone():
 def test_notebooks_show_a_run_and_a_comparison_as_tables_with_names_escaped(tmp_path):
     folder = write_recorded_scene(tmp_path / "a<b")
     shown = harness.open_run(folder)._repr_html_()
+    assert "href" not in shown
+    (folder / "report.html").touch()
+    assert f'href="{escape(str(folder))}/report.html"' in harness.open_run(folder)._repr_html_()
+    assert {"net", "tracker", "seed"} <= {*harness.open_run(folder).about}
     assert "mot.hota" in shown
     assert "a&lt;b" in shown
     assert "a<b" not in shown

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 from harness.common import exit_codes
 from harness.common.signals import CODES
@@ -39,6 +44,15 @@ def test_a_signals_code_is_what_a_shell_says_of_it():
     expected = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
     assert expected == CODES
     assert exit_codes.READER_GONE == 128 + signal.SIGPIPE
+
+
+@pytest.mark.parametrize("words", [["run", "--help"], ["settings"]])
+def test_output_whose_reader_has_gone_ends_without_a_word(words):
+    read, write = os.pipe()
+    os.close(read)
+    ended = subprocess.run([sys.executable, "-m", "harness", *words], stdout=write, stderr=-1, check=False, cwd=ROOT)
+    os.close(write)
+    assert (ended.returncode, ended.stderr) == (exit_codes.READER_GONE, b"")
 
 
 def test_no_command_ends_with_a_number_of_its_own():
