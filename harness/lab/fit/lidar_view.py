@@ -2,27 +2,36 @@
 
 ``LOGS`` is a folder of Argoverse 2 logs, whose cuboids say whether three points of the raw lidar fell into them. The
 area under the curve (AUC) is the chance that a vehicle that was met ranks above one that was not: by the visible
-fraction from above, which the sensor uses; by the angle of the part that is seen; and by the points that are to be
-expected, that angle times the height's, which falls with the distance. Nothing is fitted.
+fraction from above, which the sensor uses; by the points that are to be expected, the visible angle times that of the
+height, which falls with the distance; and by the solid angle that is seen over the roofs of what stands before it.
+Nothing is fitted.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow.feather
 from scipy.stats import rankdata
 
+from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
 from harness.sensor.visibility import compile_kernels, visible_fractions
-from harness.truth.recorded.detected.av2 import read_av2
-from harness.truth.recorded.detected.recorded_drive import Drive
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from harness.truth.recorded.detected.av2 import ANNOTATIONS, RECORDING_CAR, VEHICLES, WITH_EGO, argoverse_logs
+from harness.truth.recorded.logs import heading_of
+from mmpf.numerics.arrays import BoolArray, FloatArray, turned, wrapped
 
+LIDAR_HEIGHT_M = 1.64
+"""How high the lidars are above the origin of Argoverse 2's recording car."""
+RAYS = 15
+"""Directions in which each cuboid is looked at."""
+FEWEST_POINTS = 3
 RINGS_M = ((0.0, 30.0), (30.0, 60.0), (0.0, 60.0), (60.0, 100.0))
-KINDS = ("visible fraction", "seen angle", "expected points")
+KINDS = ("visible fraction", "expected points", "solid angle")
 
 
 def area_under_curve(value: FloatArray, met: BoolArray) -> float:
@@ -37,24 +46,77 @@ def area_under_curve(value: FloatArray, met: BoolArray) -> float:
     return above / (true * false) if true and false else float("nan")
 
 
-def _of_drive(drive: Drive) -> Iterator[FloatArray]:
-    """Yield for each step rows of distance, whether the lidar met it and the three values, shape (5, n)."""
-    for step in range(len(drive.ego)):
-        labels = drive.labels.take(drive.labels.step == step)
-        place = drive.ego.x_m[step], drive.ego.y_m[step]
-        body = np.stack([labels.x_m, labels.y_m, labels.heading_rad, labels.length_m, labels.width_m])
-        fraction, _, _ = visible_fractions(place, body, np.zeros((5, 0)))
-        away_m = np.hypot(labels.x_m - place[0], labels.y_m - place[1])
-        slant = labels.heading_rad - np.arctan2(labels.y_m - place[1], labels.x_m - place[0])
-        across_m = labels.length_m * np.abs(np.sin(slant)) + labels.width_m * np.abs(np.cos(slant))
-        angle = fraction * across_m / away_m
-        yield np.stack([away_m, ~labels.covered, fraction, angle, angle / away_m])[:, labels.counts]
+@dataclass(frozen=True)
+class Cuboids:
+    """Cuboids around a lidar at the origin; arrays of shape (n,), heights against the lidar's."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    heading_rad: FloatArray
+    length_m: FloatArray
+    width_m: FloatArray
+    bottom_m: FloatArray
+    top_m: FloatArray
+
+
+def solid_angles(cuboids: Cuboids) -> FloatArray:
+    """Return how much of each is seen from the origin over the roofs of what stands before it, sr, shape (n,).
+
+    Each direction in which a cuboid is looked at is cut by what it hits: of the cuboid, what lies above the highest
+    roof before it is seen. What stands before it is taken to reach down to the ground.
+    """
+    place = np.stack([cuboids.x_m, cuboids.y_m])
+    away_m, bearing = np.hypot(*place), np.arctan2(*place[::-1])
+    half = 0.5 * np.stack([cuboids.length_m, cuboids.width_m])
+    ahead = np.stack([np.cos(cuboids.heading_rad), np.sin(cuboids.heading_rad)])
+    corners = [
+        place + a * half[0] * ahead + b * half[1] * np.stack([-ahead[1], ahead[0]]) for a in (-1, 1) for b in (-1, 1)
+    ]
+    aside = wrapped(np.stack([np.arctan2(*corner[::-1]) for corner in corners]) - bearing)
+    first, wide = aside.min(axis=0), np.ptp(aside, axis=0)
+    ray = (bearing + first)[:, None] + wide[:, None] * (np.arange(RAYS) + 0.5) / RAYS
+    # Distance along each ray, of shape (n, RAYS), to each cuboid: where it is between both pairs of its sides.
+    start = np.stack(turned(-place[0], -place[1], cuboids.heading_rad))
+    way = np.stack(turned(np.cos(ray)[:, :, None], np.sin(ray)[:, :, None], cuboids.heading_rad))
+    way = np.where(way == 0.0, 1e-12, way)
+    sides = np.stack([(side * half[:, None, None] - start[:, None, None]) / way for side in (-1.0, 1.0)])
+    enters_m, leaves_m = sides.min(axis=0).max(axis=0), sides.max(axis=0).min(axis=0)
+    own = np.arange(len(away_m))
+    target_m = np.where(enters_m[own, :, own] > 0.0, enters_m[own, :, own], away_m[:, None])
+    before = (enters_m <= leaves_m) & (enters_m > 0.0) & (enters_m < target_m[:, :, None])
+    before[own, :, own] = False
+    roof = np.where(before, cuboids.top_m / np.maximum(enters_m, 0.5), -np.inf).max(axis=2)
+    seen_from = np.maximum((cuboids.bottom_m / away_m)[:, None], roof)
+    return np.asarray(np.maximum((cuboids.top_m / away_m)[:, None] - seen_from, 0.0).mean(axis=1) * wide)
+
+
+def _of_log(log: Path) -> Iterator[FloatArray]:
+    """Yield for each moment rows of distance, whether the lidar met it and the three values, shape (5, n)."""
+    path = log / WITH_EGO if (log / WITH_EGO).exists() else log / ANNOTATIONS
+    table = pyarrow.feather.read_table(path, memory_map=False).to_pandas()
+    for _, rows in table[table["category"] != RECORDING_CAR].groupby("timestamp_ns"):
+        x_m, y_m, z_m, length_m, width_m, height_m, points = (
+            rows[name].to_numpy(dtype=np.float64)
+            for name in ("tx_m", "ty_m", "tz_m", "length_m", "width_m", "height_m", "num_interior_pts")
+        )
+        heading = heading_of(rows[["qw", "qx", "qy", "qz"]].to_numpy(dtype=np.float64))
+        low_m = z_m - 0.5 * height_m - LIDAR_HEIGHT_M
+        body = np.stack([x_m, y_m, heading, length_m, width_m])
+        fraction, _, _ = visible_fractions((0.0, 0.0), body, np.zeros((5, 0)))
+        away_m, slant = np.hypot(x_m, y_m), heading - np.arctan2(y_m, x_m)
+        across_m = length_m * np.abs(np.sin(slant)) + width_m * np.abs(np.cos(slant))
+        solid = solid_angles(Cuboids(x_m, y_m, heading, length_m, width_m, low_m, low_m + height_m))
+        values = np.stack([away_m, points >= FEWEST_POINTS, fraction, fraction * across_m / away_m**2, solid])
+        yield values[:, rows["category"].isin(list(VEHICLES)).to_numpy()]
 
 
 def main(logs: Path) -> str:
     """Return the table of areas by distance, as Markdown."""
     compile_kernels()
-    away_m, met, *values = np.concatenate([each for drive in read_av2(logs) for each in _of_drive(drive)], axis=1)
+    found = argoverse_logs(logs)
+    if not found:
+        raise InputError(f"{logs} holds no logs of Argoverse 2; give a folder of them")
+    away_m, met, *values = np.concatenate([each for log in found for each in _of_log(log)], axis=1)
     rows = []
     for nearest, farthest in RINGS_M:
         inside = (away_m >= nearest) & (away_m < farthest)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from harness.lab.fit.lidar_view import area_under_curve
+from harness.lab.fit.lidar_view import Cuboids, area_under_curve, solid_angles
 
 
 def test_the_area_is_the_share_of_pairs_that_are_in_order():
@@ -13,3 +13,14 @@ def test_the_area_is_the_share_of_pairs_that_are_in_order():
 
 def test_without_a_vehicle_that_was_missed_there_is_no_area():
     assert np.isnan(area_under_curve(np.arange(3.0), np.ones(3, dtype=np.bool_)))
+
+
+def test_a_low_car_hides_the_lower_part_of_a_high_truck_alone():
+    """The lidar is 1.6 m above the ground; a car of 1.2 m at 20 m stands before a truck of 3.6 m at 50 m."""
+    columns = np.array([[20.0, 50.0], [0.0, 0.0], [0.0, 0.0], [0.2, 0.2], [4.0, 2.0], [-1.6, -1.6], [-0.4, 2.0]])
+    car, truck = solid_angles(Cuboids(*columns))
+    assert car == pytest.approx(2.0 * np.arctan(2.0 / 19.9) * 1.2 / 20.0, rel=1e-3)
+    wide = 2.0 * np.arctan(1.0 / 49.9)
+    assert truck == pytest.approx(wide * (2.0 / 50.0 + 0.4 / 19.9), rel=1e-3)
+    (alone,) = solid_angles(Cuboids(*columns[:, 1:]))
+    assert alone == pytest.approx(wide * 3.6 / 50.0, rel=1e-3)
