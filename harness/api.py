@@ -6,7 +6,6 @@ Wrong input raises ``InputError``: one sentence that names the keyword and how t
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,12 +18,13 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 import pandas as pd
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.common.untrusted_files import read_json
 from harness.common.watching import survived
 from harness.config.options import Option, RunOptions, checked, keys_of_options, setting_words
 from harness.grid.options import GridOptions
 from harness.running.resolve import external_code, resolve_run_config
 from harness.storage.grid_rows import flattened
-from harness.storage.run_folder import read_manifest, read_table
+from harness.storage.run_folder import read_manifest, read_metrics, read_table
 from mmpf.registry import UnknownNameError
 
 __all__ = [
@@ -92,7 +92,7 @@ class Run:
         """Return what is in ``metrics.json``, and the labels of its numbers."""
         from harness.running import finished  # noqa: PLC0415
 
-        return finished.read_metrics(self.folder, "folder"), finished.labels()
+        return read_metrics(self.folder, "folder"), finished.labels()
 
     @cached_property
     def truth(self) -> pd.DataFrame:
@@ -179,7 +179,7 @@ class Grid:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of ``summary.json``: the grid, its curves, and where each tracker breaks."""
-        summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
+        summary: dict[str, Any] = read_json(self.folder / "summary.json")
         return summary
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from harness.analysis.curves import labelled
 from harness.analysis.experiments import settings_of, settings_of_grid
 from harness.analysis.verdicts import compared_quantities
 from harness.common.errors import InputError
+from harness.common.untrusted_files import read_json
 from harness.scoring.metrics.closedloop import COLLIDED
 from harness.scoring.metrics.registry import is_from_outside
 from harness.storage import run_folder as runfolder
@@ -91,10 +91,10 @@ def _open_grid(name: str, folder: Path, parameter: str) -> Source:
     table = runfolder.read_table(folder, RUNS, parameter, (*SETTING, "seed", "succeeded", "variant", "model"))
     done = labelled(table)
     try:
-        asked = json.loads((folder / GRID).read_text(encoding="utf-8"))
+        asked = read_json(folder / GRID)
         vary = [str(word) for word in asked["vary"]]
         settings = settings_of_grid(asked)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, InputError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, InputError):
         raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
     manifest = manifest_of(folder)
     check_unedited(folder, manifest, parameter)
@@ -138,13 +138,8 @@ def _open_run(name: str, folder: Path, parameter: str) -> Source:
         raise InputError(f"`{parameter}`: {folder} is not a folder; give the folder of a run or of a stress test")
     manifest = runfolder.read_manifest(folder, parameter)
     check_unedited(folder, manifest, parameter)
-    try:
-        metrics: dict[str, Any] = json.loads((folder / runfolder.METRICS).read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        raise InputError(
-            f"`{parameter}`: {folder / runfolder.METRICS} is missing or broken; make the run again"
-        ) from None
-    run = metrics.pop("run", None) if isinstance(metrics, dict) else None
+    metrics = runfolder.read_metrics(folder, parameter)
+    run = metrics.pop("run", None)
     known = isinstance(run, dict) and {*SETTING, "seed", "tracker", "model"} <= run.keys()
     if not known or not isinstance(run["seed"], int):
         raise InputError(f"`{parameter}`: {folder / runfolder.METRICS} is broken; make the run again")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import math
 import os
 import stat
@@ -10,7 +11,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from harness.common.errors import InputError
 
@@ -78,6 +79,20 @@ def read_text(path: Path, parameter: str | None = None) -> str:
         place = f"`{parameter}`: {path}" if parameter else str(path)
         raise InputError(f"{place} has {size / MB:.0f} MB; at most {MOST_TEXT_BYTES / MB:.0f} MB are read")
     return path.read_text(encoding="utf-8")
+
+
+def read_json(path: Path, parameter: str | None = None) -> Any:  # noqa: ANN401  JSON has no type
+    """Return the content of a JSON file of settings or results.
+
+    Raises:
+        InputError: It is not a regular file, or larger than any that is written.
+        OSError: It can't be read.
+        ValueError: It is not UTF-8, no JSON, or nested too deeply.
+    """
+    try:
+        return json.loads(read_text(path, parameter))
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def number(text: str) -> float:

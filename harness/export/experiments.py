@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.common.files import write_text
-from harness.common.untrusted_files import read_text
-from harness.running.finished import read_metrics
+from harness.common.untrusted_files import read_json
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS
 from harness.storage.grid_rows import TEXT_COLUMNS, flattened
@@ -59,10 +58,10 @@ def logged_runs(folder: Path) -> list[LoggedRun]:
     """
     if not (folder / RUNS).is_file():
         runfolder.read_manifest(folder, "folder")
-        flat = flattened(read_metrics(folder, "folder"))
+        flat = flattened(runfolder.read_metrics(folder, "folder"))
         about = {key.removeprefix("run."): flat.pop(key) for key in list(flat) if key.startswith("run.")}
         return [LoggedRun.of(flat, about, flattened(runfolder.read_config_table(folder, "folder")))]
-    asked = flattened(json.loads(read_text(folder / GRID, "folder"))) if (folder / GRID).is_file() else {}
+    asked = flattened(read_json(folder / GRID, "folder")) if (folder / GRID).is_file() else {}
     asked = {key: value for key, value in asked.items() if value is not None}
     rows = runfolder.read_table(folder, RUNS, "folder", (SEED, "succeeded")).to_dict("records")
     axes = {word.partition("=")[0] for key, word in asked.items() if key.startswith("vary.")}

@@ -18,6 +18,7 @@ from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WOR
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
+from harness.common.untrusted_files import read_text
 from harness.report.grid_runs import runs_of
 from harness.report.html_tables import html_table
 from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
@@ -55,8 +56,8 @@ def write_page(folder: Path) -> Path:
 
 def folder_page(folder: Path) -> str:
     """Return a page with a folder's Markdown texts, pictures, table of runs and settings."""
-    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.md"))]
-    documents = {name: (folder / name).read_text(encoding="utf-8") for name in DOCUMENTS if (folder / name).is_file()}
+    texts = [read_text(path) for path in sorted(folder.glob("*.md"))]
+    documents = {name: read_text(folder / name) for name in DOCUMENTS if (folder / name).is_file()}
     runs = runs_of(folder)
     charts = {_chart_heading(axis): group for axis, group in runs.charts.items()} if runs is not None else {}
     return render(

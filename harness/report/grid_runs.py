@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
@@ -17,6 +16,7 @@ from harness.analysis.curves import sums_and_weights
 from harness.analysis.verdicts import compared_quantities
 from harness.common.charts import Charts
 from harness.common.errors import InputError
+from harness.common.untrusted_files import read_json
 from harness.grid.cells import GridPlan, PlannedRun
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.rerun import command_of
@@ -130,7 +130,7 @@ def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
 def plan_of(folder: Path) -> GridPlan | None:
     """Return the grid that a folder was made for; None if it is none, or of another version."""
     try:
-        request = json.loads((folder / GRID).read_text(encoding="utf-8"))
+        request = read_json(folder / GRID)
         lists = {name: tuple(value) for name, value in request.items() if isinstance(value, list)}
         return plan_grid(GridRequest(**request | lists))
     except (OSError, ValueError, TypeError, AttributeError, InputError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -15,9 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import shapely
 
-from harness.common.errors import InputError
 from harness.common.isolation import isolated
-from harness.common.untrusted_files import check_file, read_text
+from harness.common.untrusted_files import check_file
 from harness.config.layers import config_from_table
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
@@ -135,7 +133,7 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     return RecordedRun(
         folder=folder,
         config=config,
-        metrics=read_metrics(folder, parameter),
+        metrics=runfolder.read_metrics(folder, parameter),
         manifest=manifest,
         road=road,
         sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
@@ -173,22 +171,6 @@ def _step_of_row(truth: Path, most_rows: int) -> int | None:
         if rows + footer.row_group(group + 1).num_rows > most_rows:
             return int(known.max)
     return None
-
-
-def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the content of a run's ``metrics.json``.
-
-    Raises:
-        InputError: It is missing or broken.
-    """
-    path = folder / runfolder.METRICS
-    try:
-        metrics = json.loads(read_text(path, parameter))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"`{parameter}`: {path} is missing or broken ({error}); make the run again") from None
-    if not isinstance(metrics, dict):
-        raise InputError(f"`{parameter}`: {path} is broken; make the run again")
-    return metrics
 
 
 def labels() -> dict[str, str]:

@@ -9,7 +9,6 @@ from typing import Any
 from harness.common.errors import InputError
 from harness.config.layers import config_from_table, leaves
 from harness.config.model import RunConfig
-from harness.running.finished import read_metrics
 from harness.running.provenance import provenance_of
 from harness.storage import run_folder as runfolder
 from harness.storage.manifest import CODE, INPUTS, check_unedited
@@ -46,4 +45,4 @@ def kept_metrics(config: RunConfig, out: Path, tell: Callable[[str], object]) ->
             "`force` without `resume`"
         )
     tell(f"the {manifest['steps']} steps in {out} are kept, nothing is made")
-    return read_metrics(out, "out")
+    return runfolder.read_metrics(out, "out")

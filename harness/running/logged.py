@@ -32,6 +32,7 @@ from harness.scoring.metrics.scarce import check_scored
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
 from harness.trackers.protocol import TrackerSetting
+from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
@@ -41,6 +42,7 @@ from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
 NUMBERS = re.compile(r"_(m|s|mps|mps2|rad)$|^existence$")
+MOST_AT_ONCE = 2000
 STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
@@ -187,6 +189,7 @@ def _of_files(logs: Logs, name: str) -> Scored:
     moments = _samples(rows, ego, logs["step"])
     rows = _with_times(rows, moments)
     rows = _with_ego(rows, ego, logs)
+    _check_once(rows, logs["truth"])
     table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
     settings = merged(None, {}, logs["settings"])
     sensor = table["sensor"] | settings.pop("sensor", {})
@@ -210,6 +213,15 @@ def _of_files(logs: Logs, name: str) -> Scored:
     files = {str(path): path for path in (logs["truth"], logs["detections"]) if path is not None and path.is_file()}
     looks = replace(looks, files={f"truth/{path.name}": path for path in files.values()})
     return Scored(config, looks, clock, moments)
+
+
+def _check_once(rows: pd.DataFrame, path: Path) -> None:
+    """Refuse a truth that has a vehicle twice at one time, or more of them than can be looked at."""
+    again = rows[rows.duplicated([*KEYS, "id"])]
+    if len(again):
+        raise InputError(f"`truth`: {path}: {str(again['id'].iloc[0])[:60]} is there twice at one time; leave one row")
+    if (most := rows.groupby(KEYS).size().max()) > MOST_AT_ONCE:
+        raise InputError(f"`truth`: {path}: {most} vehicles at one time; at most {MOST_AT_ONCE} are scored")
 
 
 def _samples(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:
@@ -299,6 +311,8 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
     tracks = {}
     for time_s in np.unique(times):
         own = times == time_s
-        tracks[float(time_s)] = Tracks(**{name: values[own] for name, values in columns.items()})
+        told = tracks[float(time_s)] = Tracks(**{name: values[own] for name, values in columns.items()})
+        if fault := fault_of(told):
+            raise InputError(f"`tracks`: at {time_s:g} s it can't be scored: {fault}; mend the log")
     report = f"{len(placed)} rows of tracks at {len(tracks)} of {len(clock)} steps"
     return tracks, report + (f"; left out: {left_out} at no time of the truth, or twice there" if left_out else "")

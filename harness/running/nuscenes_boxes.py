@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.isolation import ProcessLimits, isolated
-from harness.common.untrusted_files import read_text
+from harness.common.untrusted_files import read_json
 from harness.scoring.metrics.by_recall import scores_by_class
 
 RANGE_M = {"car": 50.0, "truck": 50.0, "bus": 50.0, "trailer": 50.0}
@@ -54,7 +53,7 @@ def nuscenes_scores(truth: Path, tracks: Path, poses: pd.DataFrame | None, step_
 
 
 def _boxes(path: Path) -> tuple[list[str], pd.DataFrame]:
-    results = json.loads(read_text(path, "tracks"))["results"]
+    results = read_json(path, "tracks")["results"]
     rows = [
         (token, str(box["tracking_id"]), box["tracking_name"], *map(float, box["translation"][:2]),
          float(box.get("tracking_score", np.nan)))

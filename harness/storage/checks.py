@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -17,7 +15,7 @@ import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
-from harness.common.untrusted_files import check_file, read_text
+from harness.common.untrusted_files import check_file
 from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
 from mmpf.map.road import Road
 
@@ -116,16 +114,6 @@ def check_kinds(table: pd.DataFrame, columns: Iterable[Column], place: str) -> N
             raise InputError(f"{place_of_column} holds a number that none can be; make the run again")
 
 
-def check_order(table: pd.DataFrame, place: str) -> None:
-    """Refuse a table whose steps are not in the order of time, in which every run writes them.
-
-    Raises:
-        InputError: They are not.
-    """
-    if (np.diff(table["step"].to_numpy(dtype=np.float64)) < 0.0).any():
-        raise InputError(f"{place}: its rows are not in the order of time; make the run again")
-
-
 def check_truth(truth: pd.DataFrame, road: Road, place: str) -> None:
     """Refuse a truth that no run on a road writes.
 
@@ -150,14 +138,6 @@ def check_truth(truth: pd.DataFrame, road: Road, place: str) -> None:
 def rows_of(folder: Path) -> dict[str, int]:
     """Return how many rows each table of a folder has, by file, for the manifest."""
     return {path.name: pq.read_metadata(path).num_rows for path in sorted(folder.glob("*.parquet"))}
-
-
-def rows_noted(manifest: Path, name: str) -> int | None:
-    """Return how many rows of a table a manifest has noted; None where it has noted none."""
-    try:
-        return cast("int | None", json.loads(read_text(manifest))["rows"][name])
-    except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return None
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.common.files import write_text
+from harness.common.untrusted_files import read_json
 from harness.storage.schema import TABLES
 from mmpf.numerics.arrays import FloatArray
 
@@ -61,7 +62,7 @@ def read_rows(folder: Path, keys: Iterable[str]) -> dict[str, Row]:
         if not path.is_file():
             continue
         try:
-            row = json.loads(path.read_text(encoding="utf-8"))
+            row = read_json(path)
         except ValueError:
             continue
         if _is_row(row):

@@ -15,6 +15,8 @@ from typing import Any
 
 from harness.common.errors import InputError
 from harness.common.files import write_text
+from harness.common.isolation import ProcessLimits, isolated
+from harness.common.untrusted_files import read_json
 
 PACKAGES = ("mmpf-harness", "libsumo", "numpy", "scipy", "numba", "pandas", "pyarrow", "scikit-learn")
 CODE, INPUTS, FILES = "code_sha256", "inputs_sha256", "files_sha256"
@@ -77,8 +79,8 @@ def sha256_of(path: Path) -> str:
 def manifest_of(folder: Path) -> dict[str, Any]:
     """Return the manifest of a grid; empty where it has none: a baseline may be a table of runs alone."""
     try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        manifest = read_json(folder / "manifest.json")
+    except (OSError, ValueError):
         return {}
     return manifest if isinstance(manifest, dict) else {}
 
@@ -99,13 +101,17 @@ def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str)
         InputError: A file was edited.
     """
     noted = manifest.get(FILES)
-    for name, digest in noted.items() if isinstance(noted, dict) else ():
-        path = folder / Path(str(name)).name
-        if path.is_file() and sha256_of(path) != digest:
-            raise InputError(
-                f"`{parameter}`: {path} was changed after it was written (its SHA-256 is another than in "
-                f"manifest.json); make it again, or take {FILES} out of manifest.json if you meant that"
-            )
+    told = {folder / Path(str(name)).name: digest for name, digest in noted.items()} if isinstance(noted, dict) else {}
+    files = [path for path in told if path.is_file()]
+
+    def edited() -> list[Path]:
+        return [path for path in files if sha256_of(path) != told[path]]
+
+    if changed := isolated(edited, f"`{parameter}`: {folder}", ProcessLimits.for_files(files)):
+        raise InputError(
+            f"`{parameter}`: {changed[0]} was changed after it was written (its SHA-256 is another than in "
+            f"manifest.json); make it again, or take {FILES} out of manifest.json if you meant that"
+        )
 
 
 def _version(package: str) -> str | None:

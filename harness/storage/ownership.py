@@ -13,6 +13,7 @@ from pathlib import Path
 
 from harness.common.errors import InputError
 from harness.common.files import is_temporary, write_text
+from harness.common.untrusted_files import read_json
 from harness.storage.lock import LOCK
 
 LEDGER = ".mmpf-harness.json"
@@ -136,7 +137,7 @@ def _read(folder: Path) -> tuple[str, set[str]] | None:
     """Return a ledger's kind and files; None where there is no ledger of this program's."""
     path = folder / LEDGER
     try:
-        ledger = json.loads(path.read_text(encoding="utf-8")) if path.is_file() and not path.is_symlink() else None
+        ledger = read_json(path) if path.is_file() and not path.is_symlink() else None
     except (OSError, ValueError):
         return None
     if not isinstance(ledger, dict) or ledger.get("program") != PROGRAM or ledger.get("kind") not in IN_WORDS:

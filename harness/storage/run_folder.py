@@ -21,11 +21,12 @@ import pandas as pd
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.isolation import ProcessLimits, isolated
-from harness.common.untrusted_files import check_file, read_text
+from harness.common.untrusted_files import check_file, read_json, read_text
 from harness.storage import ownership
-from harness.storage.checks import Until, check_kinds, check_order, read_parquet, rows_noted
+from harness.storage.checks import Until, check_kinds, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
+from harness.storage.manifest import manifest_of
 from harness.storage.schema import TABLES, Table
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
@@ -169,8 +170,8 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
         InputError: The folder is not a run's folder, or the run did not end.
     """
     try:
-        manifest = json.loads(read_text(folder / MANIFEST, parameter))
-    except (OSError, ValueError, RecursionError):
+        manifest = read_json(folder / MANIFEST, parameter)
+    except (OSError, ValueError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
     if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
         raise InputError(
@@ -178,6 +179,22 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
             f"finished steps: `python -m harness score` takes its {TRUTH}, {DETECTIONS} and {TRACKS}"
         )
     return manifest
+
+
+def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
+    """Return the content of a run's ``metrics.json``.
+
+    Raises:
+        InputError: It is missing or broken.
+    """
+    try:
+        metrics = read_json(folder / METRICS, parameter)
+        if not isinstance(metrics, dict):
+            raise ValueError("it is no table")
+    except (OSError, ValueError) as error:
+        place = f"`{parameter}`: {folder / METRICS}"
+        raise InputError(f"{place} is missing or broken ({error}); make the run again") from None
+    return metrics
 
 
 def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
@@ -210,15 +227,16 @@ def read_table(
     path = folder / name
     if not path.exists():
         raise InputError(f"`{parameter}`: {path} is missing; make the run again")
-    table = read_parquet(path, parameter, until, rows_noted(folder / MANIFEST, name))
+    rows = manifest_of(folder).get("rows")
+    table = read_parquet(path, parameter, until, rows.get(name) if isinstance(rows, dict) else None)
     known = TABLES.get(name, Table("", ()))
     missing = [column for column in (known.needed if columns is None else columns) if column not in table]
     if missing:
         raise InputError(f"`{parameter}`: {path} lacks the columns {', '.join(missing)}; make the run again")
     checked = [column.name for column in known.columns if column.name in table] if columns is None else columns
     check_kinds(table, map(known.of, checked), f"`{parameter}`: {path}")
-    if known.in_order and "step" in checked:
-        check_order(table, f"`{parameter}`: {path}")
+    if known.in_order and "step" in checked and (np.diff(table["step"].to_numpy(dtype=np.float64)) < 0.0).any():
+        raise InputError(f"`{parameter}`: {path}: its rows are not in the order of time; make the run again")
     return table
 
 

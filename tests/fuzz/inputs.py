@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import random
 import shutil
 from collections.abc import Callable
@@ -105,8 +106,11 @@ def result_folder(folder: Path, rng: random.Random) -> list[str]:
             table.to_parquet(chosen)
         except (ValueError, TypeError):
             chosen.write_bytes(b"PAR1")
-    elif rng.random() < 0.1:
+    elif (other := rng.random()) < 0.15:
         chosen.unlink()
+        if other < 0.1:
+            # Far larger than what it takes, or without an end.
+            chosen.symlink_to("/dev/zero") if other < 0.05 else os.truncate(chosen, 1 << 36)
     else:
         chosen.write_bytes(spoilt_bytes(chosen.read_bytes(), rng))
     return rng.choice(

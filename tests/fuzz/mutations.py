@@ -179,6 +179,7 @@ def spoilt_table(table: pd.DataFrame, rng: random.Random) -> pd.DataFrame:
         "backwards": lambda: table.iloc[::-1],
         "as texts": lambda: table.assign(**{name: table[name].astype(str)}),
         "many times": lambda: pd.concat([table] * 300),
+        "a row many times": lambda: table.loc[table.index.repeat(np.where(table.index == table.index[-1], 10**6, 1))],
         "lists": lambda: table.assign(**{name: [[1]] * len(table)}),
     }
     way = rng.choice(sorted(changes))

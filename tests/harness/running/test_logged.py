@@ -365,6 +365,7 @@ BROKEN = {
     "no_number.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,here,0\n",
     "infinite.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,inf,0\n",
     "other_clock.csv": b"time_s,track_id,lon_m,lat_m\n1e6,1,1.0,0\n",
+    "below_zero.csv": b"time_s,track_id,lon_m,lat_m\n0.0,-1,1.0,0\n",
     "cut.json": b'{"results": {"a": [',
     "none.json": b'{"meta": {}}',
     "list.json": b"[1, 2]",
@@ -388,7 +389,11 @@ def test_a_broken_log_is_one_line_that_names_the_file(tmp_path, run, name, capfd
 
 def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, capfd):
     log, truth = run.folder / runfolder.TRACKS, write_mot(tmp_path, "truth", 0.0)[0]
+    (twice := tmp_path / "twice.txt").write_text(2 * truth.read_text())
+    (many := tmp_path / "many.txt").write_text("".join(f"1,{k},-1,-1,-1,-1,1,{k},0,-1\n" for k in range(3000)))
     calls = [
+        (["--ego", "9"], twice, log, "is there twice at one time"),
+        (["--ego", "9"], many, log, "3000 vehicles at one time"),
         (["--ego", "9"], truth, tmp_path / "none.csv", "--tracks"),
         (["--ego", "77"], truth, log, "--ego"),
         ([], truth, log, "--ego"),
