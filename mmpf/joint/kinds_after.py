@@ -9,7 +9,7 @@ import numpy as np
 from mmpf.belief.moments import Moments
 from mmpf.joint.false_objects import FalseObjects
 from mmpf.joint.kinds import FALSE, VEHICLE, Sightings, bounded, normalised, relaxed_shading, weighed
-from mmpf.joint.overlap import overlapping
+from mmpf.joint.overlap import driven_through, overlapping
 from mmpf.joint.sources import Sources
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
 from mmpf.numerics.arrays import FloatArray
@@ -93,9 +93,16 @@ def kinds_after(
 
 
 def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, dt_s: float) -> FloatArray:
-    """Return the log odds that the less probable of two overlapping visible vehicles loses, shape (m,)."""
-    kinds, share = options.joint.kinds, sources.vehicle_share
+    """Return the log odds of a vehicle that visible components lose by lying in one place, shape (m,).
+
+    Of two that stay there the less probable loses. Where one drives through the other they cannot both be vehicles: on
+    the whole way each one's odds are multiplied by the probability that the other is none, or that they do not touch.
+    """
+    joint, share = options.joint, sources.vehicle_share
     is_seen = sources.unseen_s <= options.reporting.hidden_after_s
-    overlaps = overlapping(sources, moments, kinds.overlap_share)
+    overlaps = overlapping(sources, moments, joint.kinds.overlap_share)
     overlaps &= is_seen[:, None] & is_seen & (share[:, None] < share)
-    return np.where(np.asarray(overlaps.any(axis=1)), kinds.overlap_per_s * dt_s, 0.0)
+    stays = np.where(np.asarray(overlaps.any(axis=1)), joint.kinds.overlap_per_s * dt_s, 0.0)
+    touch, share_of_way = driven_through(sources, moments, joint.merging.speed_mps, dt_s)
+    passes = -(share_of_way * np.log1p(-touch * (sources.vehicle * is_seen))).sum(axis=1)
+    return np.asarray(np.maximum(stays, is_seen * passes))

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtr
 
 from mmpf.belief.mixture import Components
 from mmpf.belief.moments import Moments
-from mmpf.motion.state import LAT, LON
-from mmpf.numerics.arrays import BoolArray, turned
+from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.numerics.arrays import BoolArray, FloatArray, turned
+
+# Bodies whose directions differ by more than 25 degrees reach further across than their widths.
+PARALLEL = 0.9
 
 
 def overlapping(components: Components, moments: Moments, share: float) -> BoolArray:
@@ -18,11 +22,44 @@ def overlapping(components: Components, moments: Moments, share: float) -> BoolA
         moments: Their moments.
         share: Two overlap whose means are nearer than this share of their mean length, and of their mean width.
     """
-    mean, length, width = moments.mean, components.length_m, components.width_m
-    along, across = turned(mean[LON][:, None] - mean[LON], mean[LAT][:, None] - mean[LAT], moments.heading_rad[:, None])
-    overlaps = np.abs(along) < share * 0.5 * (length[:, None] + length)
-    overlaps &= np.abs(across) < share * 0.5 * (width[:, None] + width)
+    length, width = components.length_m, components.width_m
+    along_m, across_m = _apart(moments)
+    overlaps = along_m < share * 0.5 * (length[:, None] + length)
+    overlaps &= across_m < share * 0.5 * (width[:, None] + width)
     # Where directions differ, one sees the other beside it and not the other way round.
     overlaps |= overlaps.T
     np.fill_diagonal(overlaps, val=False)
     return np.asarray(overlaps)
+
+
+def driven_through(
+    components: Components, moments: Moments, least_mps: float, dt_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return which components drive through each other, which two vehicles cannot.
+
+    Args:
+        components: The components, m of them, with their sizes.
+        moments: Their moments.
+        least_mps: Only those whose speeds differ by more pass each other.
+        dt_s: Time since the scan before.
+
+    Returns:
+        Probability that the bodies of two touch while they pass each other, shape (m, m), and the share of the way
+        past each other that they cover in a scan, 0 to 1, shape (m, m).
+    """
+    length, width, speed = components.length_m, components.width_m, moments.mean[SPEED]
+    along_m, across_m = _apart(moments)
+    way_m, passing_mps = length[:, None] + length, np.abs(speed[:, None] - speed)
+    passes = (along_m < 0.5 * way_m) & (passing_mps > least_mps)
+    passes &= np.abs(np.cos(moments.heading_rad[:, None] - moments.heading_rad)) > PARALLEL
+    variance = moments.variance[LON] + moments.variance[LAT] if moments.has_headings else moments.variance[LAT]
+    beside_m = across_m - 0.5 * (width[:, None] + width)
+    touch = passes * ndtr(-beside_m / np.sqrt(np.maximum(variance[:, None] + variance, 1e-12)))
+    return touch, np.minimum(passing_mps * dt_s / way_m, 1.0)
+
+
+def _apart(moments: Moments) -> tuple[FloatArray, FloatArray]:
+    """Return how far each component sees each other along and across its own direction, metres, both (m, m)."""
+    lon, lat = moments.mean[LON], moments.mean[LAT]
+    along_m, across_m = turned(lon[:, None] - lon, lat[:, None] - lat, moments.heading_rad[:, None])
+    return np.abs(along_m), np.abs(across_m)
