@@ -140,7 +140,9 @@ COMMANDS |= {
 }
 for _name, _typed in DRIVES.items():
     COMMANDS |= _writing(
-        "drives", _name, f"drive --episodes 2 --seed 100 --beliefs truth,mmpf,detections {_typed} --quiet --workers 1"
+        "drives",
+        _name,
+        f"drive --episodes 2 --seed 100 --perception truth,mmpf,detections {_typed} --quiet --workers 1",
     )
 # In this order each stands behind what it needs.
 COMMANDS = {

@@ -28,7 +28,7 @@ STRESS = (
     *("--duration", "1", "--quiet", "--resume"),
 )
 DRIVE = (
-    *("drive", "--density", "15", "--beliefs", "truth,detections", "--episodes", "4", "--seed", "100"),
+    *("drive", "--density", "15", "--perception", "truth,detections", "--episodes", "4", "--seed", "100"),
     *("--quiet", "--resume"),
 )
 WORKERS = ("--workers", "2")
