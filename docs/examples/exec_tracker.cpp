@@ -8,9 +8,9 @@
 #include <vector>
 
 struct Track { int id; double lon, lat, lon_speed, lat_speed, seen_s; int hits; };
-
 static std::string word() { std::string text; std::cin >> text; return text; }
 static double number() { return std::strtod(word().c_str(), nullptr); }  // reads nan and inf, as >> does not
+static void rest_of_line() { std::cin.ignore(1 << 30, '\n'); }
 
 int main() {
     double gain = 0.5, last_s = NAN;
@@ -27,7 +27,6 @@ int main() {
         std::vector<std::vector<double>> found(count, std::vector<double>(14));
         word(), number(), number();  // the ego's place is not used here, and neither is its size
         const double turn = number(), v = number();
-        auto rest_of_line = [] { std::cin.ignore(1 << 30, '\n'); };
         rest_of_line();
         for (auto& row : found) { for (double& value : row) value = number(); rest_of_line(); }
         rest_of_line(), rest_of_line();  // the free space and the signals
