@@ -77,7 +77,7 @@ def folder_page(folder: Path) -> str:
 def text_page(text: str, charts: Mapping[str, Charts] | None = None) -> str:
     """Return a page that holds a Markdown text, for example that of a comparison, below charts with their headings."""
     title, charts = title_of([text]) or "Results", charts or {}
-    nothing: dict[str, Any] = {"figures": [], "tables": {}, "documents": {}, "runs": None}
+    nothing: dict[str, Any] = {"figures": [], "tables": {}, "documents": {}, "runs": None, "verdicts": ""}
     parts = chart_parts(list(charts.values()))
     return render("folder.html.j2", title=title, text=as_html(text), charts=charts, **nothing, **parts)
 
