@@ -133,6 +133,8 @@ RIVALS = sorted(set(available_trackers()) - {"mmpf", "oracle-kalman", "detection
 @pytest.mark.parametrize("name", RIVALS)
 def test_every_rival_has_the_rule_as_an_option(name):
     """Three vehicles drive at 20 m/s, something beside their lane stands: it alone is tentative."""
+    if name == "lmb":
+        pytest.importorskip("multisensor_lmb_filters_rs")
     assert not tracker_options(name)().doubtful.on
     road, lateral = highway(), [1.8, 5.5, 9.1]
     rng = np.random.default_rng(0)
