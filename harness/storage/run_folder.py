@@ -191,9 +191,8 @@ def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
         metrics = read_json(folder / METRICS, parameter)
         if not isinstance(metrics, dict):
             raise ValueError("it is no table")
-    except (OSError, ValueError) as error:
-        place = f"`{parameter}`: {folder / METRICS}"
-        raise InputError(f"{place} is missing or broken ({error}); make the run again") from None
+    except (OSError, ValueError):
+        raise InputError(f"`{parameter}`: {folder / METRICS} is missing or broken; make the run again") from None
     return metrics
 
 

@@ -294,14 +294,14 @@ def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
     monkeypatch.setattr("harness.analysis.sources.runfolder.read_manifest", lambda folder, parameter: {})
     (tmp_path / "config.toml").write_text("")
     metrics = tmp_path / "metrics.json"
-    assert "missing" in unopened(tmp_path)
-    metrics.write_text("no")
-    assert "broken" in unopened(tmp_path)
-    for content in ([], {}, {"run": 5}, {"run": RUN | {"seed": "x"}}, *({"run": _without(key)} for key in RUN)):
+    missing = f"`baseline`: {metrics} is missing or broken; make the run again"
+    assert unopened(tmp_path) == missing
+    for content in ("no", "[]"):
+        metrics.write_text(content)
+        assert unopened(tmp_path) == missing
+    for content in ({}, {"run": 5}, {"run": RUN | {"seed": "x"}}, *({"run": _without(key)} for key in RUN)):
         metrics.write_text(json.dumps(content))
-        told = unopened(tmp_path)
-        assert told.startswith(f"`baseline`: {metrics} is")
-        assert "broken" in told
+        assert unopened(tmp_path) == f"`baseline`: {metrics} is broken; make the run again"
     metrics.write_text(json.dumps({"run": RUN, "mot": {"hota": 80.0}}))
     found = open_source(str(tmp_path), "baseline")
     assert (found.name, found.folder, found.failed, found.is_run, found.axes) == (str(tmp_path), tmp_path, 0, True, ())
