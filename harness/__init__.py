@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 
+# As ``typing.TYPE_CHECKING``, without the time that loading ``typing`` takes.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any

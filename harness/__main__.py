@@ -6,7 +6,7 @@ import sys
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    # Who ends it while modules are read is heard once they are; until then Python would print where it was.
+    # A signal that comes while modules are loaded waits until they are: Python would answer it with a traceback.
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
     from harness.common.watching import watched  # noqa: PLC0415
 

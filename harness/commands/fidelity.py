@@ -18,7 +18,7 @@ class Options(TypedDict):
     minutes: Annotated[
         float,
         Option(
-            "Simulated minutes per run; more than the first that the recording undercounts, 2 on us101.",
+            "Simulated minutes per run. The first that the recording undercounts (2 on us101) do not count.",
             default=15.0,
             least=1.0,
             most=600.0,

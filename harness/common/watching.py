@@ -30,10 +30,13 @@ def code_named(arguments: Sequence[str]) -> list[str]:
 
 
 def watched(command: str, arguments: Sequence[str]) -> int:
-    """Call ``module:function`` with the words of a command in a child, in which this returns too; return its exit code.
+    """Run a command in a child process and return its exit code; in the child this returns as well.
 
     Code that only an entry point or a file names is loaded without a word that shows it, so every command is watched.
-    Signals that end a command may be blocked until then.
+
+    Args:
+        command: ``module:function``, which takes the command's words and returns an exit code.
+        arguments: These words.
     """
     handed_on = (*CODES, signal.SIGTSTP)
     child, pipe, mask = _fork(handed_on)
@@ -107,6 +110,7 @@ def answer() -> None:
 
 
 def _named(function: str) -> Callable[..., Any]:
+    """Return what ``module:function`` names."""
     module, name = function.split(":")
     found: Callable[..., Any] = getattr(import_module(module), name)
     return found
