@@ -60,7 +60,7 @@ def verdicts_in_grid(folder: Path) -> str:
         judged = [compare(a, b) for b in sides]
     except (InputError, ValueError):
         return ""
-    lines = [f"a: {first}. Each comparison stands by itself: with more of them, more are worse or better by chance."]
+    lines = [f"a: {first}. Each comparison is tested by itself: of many, some are worse or better by chance."]
     for other, comparison in zip(others, judged, strict=True):
         lines += ["", f"b: {other}. {conclusion(comparison)} {comparison.paired}", ""]
         lines += markdown_table(HEADINGS, map(_marked_cells, comparison.primary))
