@@ -214,7 +214,7 @@ class RunOptions(TypedDict, total=False):
     resume: Annotated[
         bool,
         Option(
-            "Keep the finished run in --out if its settings, code and models are the same.", panel=RESULT, default=False
+            "Keep the finished run in --out if its settings, code and files are the same.", panel=RESULT, default=False
         ),
     ]
     video: Annotated[Path | str | None, Option("Write a top-view video to this MP4 file.", panel=RESULT)]

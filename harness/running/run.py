@@ -102,7 +102,7 @@ def run(
     check_tracker(config)
     check_driver(config)
     if resume and out is not None:
-        kept = kept_metrics(config, out, lambda line: None if quiet else sys.stderr.write(f"{line}\n"))
+        kept = kept_metrics(config, out, open_looks, lambda line: None if quiet else sys.stderr.write(f"{line}\n"))
         if kept is not None:
             return FinishedRun(out, kept)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)

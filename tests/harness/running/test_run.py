@@ -6,6 +6,7 @@ import errno
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -16,6 +17,7 @@ from harness.common.files import replacing
 from harness.config.model import RunConfig
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
+from harness.running.looks import Looks
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, FinishedRun, run
 from harness.storage import run_folder as runfolder
@@ -178,6 +180,20 @@ def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another
     out.rename(tmp_path / "next.incomplete")
     run_on(SteadyTraffic(steps=12), configured(), tmp_path / "next", resume=True, quiet=False)
     assert "can't be continued and stay there" in capsys.readouterr().err
+
+
+def test_a_resumed_run_refuses_traffic_whose_file_has_changed(tmp_path):
+    file, out = tmp_path / "traffic.csv", tmp_path / "run"
+
+    def open_looks(config: RunConfig) -> Looks:
+        return replace(looking_at(SteadyTraffic(steps=12))(config), files={"replay/traffic.csv": file})
+
+    file.write_text("as recorded")
+    run(configured(), out=out, open_looks=open_looks)
+    run(configured(), out=out, open_looks=open_looks, resume=True)
+    file.write_text("edited since")
+    with pytest.raises(InputError, match=r"traffic\.csv has changed"):
+        run(configured(), out=out, open_looks=open_looks, resume=True)
 
 
 def test_a_run_that_breaks_while_it_is_drawn_does_not_look_finished(steady_traffic, tmp_path):
