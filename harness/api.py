@@ -346,7 +346,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             command=command,
             quiet=quiet,
             draw=running.Drawing(figures.draw_figures, page.write_run_page),
-            open_looks=partial(opening.open_looks, simulate=partial(opening.simulate, gui=values["gui"])),
+            open_snapshots=partial(opening.open_snapshots, simulate=partial(opening.simulate, gui=values["gui"])),
         )
         if values["video"] is not None:
             video.write_video(finished.folder, values["video"], values["force"])

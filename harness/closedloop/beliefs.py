@@ -13,7 +13,7 @@ from harness.decisions.bodies import Bodies, Egos
 from harness.scoring.driving.believed import HEADING_M, HEADING_S
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
 from mmpf.map.road import Road
@@ -26,18 +26,18 @@ TRUTH = "truth"
 
 
 class Perception(Protocol):
-    """Makes bodies that the driver believes in of each look; asked once a look, in order."""
+    """Makes bodies that the driver believes in of each snapshot; asked once a snapshot, in order."""
 
-    def bodies(self, look: Look, tracks: Tracks) -> Bodies:
+    def bodies(self, snapshot: Snapshot, tracks: Tracks) -> Bodies:
         """Return what is believed of the vehicles around the ego, all of step 0."""
 
 
 class TruePerception:
     """Every vehicle as it is, hidden or never seen."""
 
-    def bodies(self, look: Look, tracks: Tracks) -> Bodies:  # noqa: ARG002
+    def bodies(self, snapshot: Snapshot, tracks: Tracks) -> Bodies:  # noqa: ARG002
         """Return the vehicles; see ``Perception``."""
-        return true_bodies(look.frame)
+        return true_bodies(snapshot.frame)
 
 
 @dataclass
@@ -52,27 +52,27 @@ class TrackedPerception:
     _places: dict[int, list[tuple[float, float, float]]] = field(default_factory=dict)
     _measured: dict[int, FloatArray] = field(default_factory=lambda: defaultdict(lambda: np.zeros(3)))
 
-    def bodies(self, look: Look, tracks: Tracks) -> Bodies:
+    def bodies(self, snapshot: Snapshot, tracks: Tracks) -> Bodies:
         """Return the tracks; see ``Perception``."""
         reported = np.flatnonzero(tracks.state != TENTATIVE)
-        self._measure(tracks, reported, look.observation.scan.detections)
+        self._measure(tracks, reported, snapshot.observation.scan.detections)
         sizes = np.array([self._size(int(number)) for number in tracks.track_id[reported]]).reshape(-1, 2)
         speed = tracks.speed_mps[reported]
-        ego_mps = look.frame.speed_mps[look.frame.ego]
+        ego_mps = snapshot.frame.speed_mps[snapshot.frame.ego]
         return Bodies(
             step=np.zeros(len(reported), dtype=np.int64),
             lon_m=tracks.lon_m[reported],
             lat_m=tracks.lat_m[reported],
             speed_mps=np.where(np.isfinite(speed), speed, ego_mps),
-            direction_rad=self._directions(look, tracks, reported),
+            direction_rad=self._directions(snapshot, tracks, reported),
             length_m=sizes[:, 0],
             width_m=sizes[:, 1],
             doubtful=tracks.existence[reported] < self.settings.driver_existence,
         )
 
-    def _directions(self, look: Look, tracks: Tracks, reported: IntArray) -> FloatArray:
+    def _directions(self, snapshot: Snapshot, tracks: Tracks, reported: IntArray) -> FloatArray:
         """Return the axis of each track that moves as in the last half second, nan where it hardly did, shape (k,)."""
-        now_s, places = look.frame.time_s, {}
+        now_s, places = snapshot.frame.time_s, {}
         for row in reported:
             name = int(tracks.track_id[row])
             before = [place for place in self._places.get(name, ()) if place[0] >= now_s - HEADING_S - TIME_TOLERANCE_S]

@@ -1,7 +1,7 @@
 """One episode: five seconds of tracking while SUMO drives the ego, then a drive by the belief.
 
-The loop that hands looks to the tracker is the one of every run (``harness.running.follow``): it asks for the next look
-only when the tracks of the last have been watched, and by then the driver has acted on them.
+The loop that hands snapshots to the tracker is the one of every run (``harness.running.follow``): it asks for the next
+snapshot only when the tracks of the last have been watched, and by then the driver has acted on them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from harness.decisions.decide import Decision, decide_by, driver_of, with_doubt
 from harness.decisions.drivers.protocol import Driver
 from harness.decisions.yielding import EgoPath
 from harness.running.evaluate import Evaluated, evaluation_of
-from harness.running.looks import Looks
+from harness.running.snapshots import SnapshotStream
 from harness.running.unseen import UnseenOfTracks
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.closedloop import (
@@ -46,7 +46,7 @@ from harness.scoring.metrics.closedloop import (
     score_drive,
 )
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import Look, Sensor
+from harness.sensor.observation import Sensor, Snapshot
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import AnyTracker
 from harness.truth.frame import Frame
@@ -94,16 +94,16 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
         noise=_child(stream, SENSOR),
         passage=at.route.passage(traffic.step_s, planned.heed_unseen),
     )
-    looks = Looks(
+    snapshots = SnapshotStream(
         road=road,
         step_s=traffic.step_s,
         expected_steps=round((TRACKED_S + DRIVEN_S) / traffic.step_s) + 1,
         sensor=sensor.model(road),
-        stream=loop.looks(),
+        stream=loop.snapshots(),
     )
-    evaluation = evaluation_of(config, looks)
+    evaluation = evaluation_of(config, snapshots)
     if planned.heed_unseen is not None and loop.passage is not None and planned.variant != TRUTH:
-        loop.unseen = UnseenOfTracks(evaluation.looks.road, evaluation.looks.sensor)
+        loop.unseen = UnseenOfTracks(evaluation.snapshots.road, evaluation.snapshots.sensor)
     evaluation.follow((loop.watch,), _child(stream, TRACKER))
     drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
     if loop.passage is not None and loop.passage.crossings:
@@ -127,7 +127,7 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
 
 @dataclass
 class _Loop:
-    """The ego and its traffic, step by step: looks go out, tracks come in, and what the driver does is done."""
+    """The ego and its traffic, step by step: snapshots go out, tracks come in, and what the driver does is done."""
 
     traffic: LiveTraffic
     at: EpisodeStart
@@ -144,10 +144,10 @@ class _Loop:
     _steps: list[tuple[float, ...]] = field(default_factory=list)
     _demand: float = 0.0
 
-    def looks(self) -> Iterator[Look]:
+    def snapshots(self) -> Iterator[Snapshot]:
         """Yield the tracking seconds, then what comes of the driver's commands, until the episode is over."""
         for frame in self.at.frames:
-            yield self._look(frame)
+            yield self._observe(frame)
         steering = Steering(self.traffic.running.sumo, self.at)
         steering.take_over()
         first = len(self.at.frames)
@@ -162,7 +162,7 @@ class _Loop:
                 return
             frame = with_ego(frame, self.at.ego, step, self.traffic.step_s)
             self.contact = steering.contact(frame, time_s)
-            yield self._look(frame)
+            yield self._observe(frame)
             if self.contact is not None:
                 self.ended = BY_COLLISION
                 return
@@ -170,16 +170,16 @@ class _Loop:
                 self.ended = self.at.route.ended
                 return
 
-    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
+    def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:
         """Let the driver decide by the tracks, and note what it would do by the truth."""
-        bodies = self.perception.bodies(look, tracks)
-        self.sight.look(look)
-        unseen = None if self.unseen is None else self.unseen.after(look.observation.scan, tracks, tracker)
-        if look.frame.step < len(self.at.frames) - 1:
+        bodies = self.perception.bodies(snapshot, tracks)
+        self.sight.note(snapshot)
+        unseen = None if self.unseen is None else self.unseen.after(snapshot.observation.scan, tracks, tracker)
+        if snapshot.frame.step < len(self.at.frames) - 1:
             return
-        ego, real = ego_of(look.frame, self.at.route.lanes), true_bodies(look.frame)
+        ego, real = ego_of(snapshot.frame, self.at.route.lanes), true_bodies(snapshot.frame)
         sure = bodies.sure()
-        with_stops, really = self._pass(look.frame, sure, real, ego, unseen)
+        with_stops, really = self._pass(snapshot.frame, sure, real, ego, unseen)
         self._demand, _ = self._demanded(bodies, ego, with_stops)
         needed, leader = self._demanded(real, ego, really)
         self._steps.append(
@@ -189,16 +189,16 @@ class _Loop:
                 float(leader.speed_mps[0]),
                 self._demand,
                 needed,
-                self._is_withheld(look, int(leader.body[0]), bodies),
+                self._is_withheld(snapshot, int(leader.body[0]), bodies),
             )
         )
 
-    def _is_withheld(self, look: Look, leader: int, told: Bodies) -> bool:
+    def _is_withheld(self, snapshot: Snapshot, leader: int, told: Bodies) -> bool:
         """Return whether the tracker fails to report the vehicle directly ahead, a true body; -1 for none."""
         if leader < 0 or self.planned.variant == TRUTH:
             return False
-        others = np.flatnonzero(np.arange(len(look.frame)) != look.frame.ego)
-        return self.sight.withholds(look, int(others[leader]), told)
+        others = np.flatnonzero(np.arange(len(snapshot.frame)) != snapshot.frame.ego)
+        return self.sight.withholds(snapshot, int(others[leader]), told)
 
     def _pass(
         self, frame: Frame, told: Bodies, real: Bodies, ego: Egos, unseen: Unseen | None
@@ -231,11 +231,11 @@ class _Loop:
         speed, gap, leader, demanded, needed, withheld = np.array(self._steps).T
         return DriveRecord(speed, gap, leader, demanded, needed, self.traffic.step_s, withheld > 0.0)
 
-    def _look(self, frame: Frame) -> Look:
+    def _observe(self, frame: Frame) -> Snapshot:
         """Let the sensor look; what it draws depends on the episode and the step alone, whatever was drawn before."""
         self._frame = frame
         rng = np.random.default_rng(_child(self.noise, frame.step))
-        return Look(frame, self.sensor.observe(frame, self.traffic.network.road, rng))
+        return Snapshot(frame, self.sensor.observe(frame, self.traffic.network.road, rng))
 
 
 def _as_is(belief: Belief) -> Belief:

@@ -10,7 +10,7 @@ from harness.decisions.bodies import Bodies
 from harness.scoring.evidence.directions import along_and_across
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.storage.schema import VISIBLE
 
 
@@ -21,17 +21,17 @@ class PlainSight:
     settings: ScoringSettings = field(default_factory=ScoringSettings)
     _since_s: dict[str, float] = field(default_factory=dict)
 
-    def look(self, look: Look) -> None:
-        """Note who is in plain view; every look in turn."""
-        seen = look.frame.vehicle_id[look.observation.state == VISIBLE].tolist()
-        self._since_s = {name: self._since_s.get(name, look.frame.time_s) for name in seen}
+    def note(self, snapshot: Snapshot) -> None:
+        """Note who is in plain view; every snapshot in turn."""
+        seen = snapshot.frame.vehicle_id[snapshot.observation.state == VISIBLE].tolist()
+        self._since_s = {name: self._since_s.get(name, snapshot.frame.time_s) for name in seen}
 
-    def withholds(self, look: Look, row: int, told: Bodies) -> bool:
+    def withholds(self, snapshot: Snapshot, row: int, told: Bodies) -> bool:
         """Return whether the vehicle of a row is in plain view for long enough and no reported body is within the gate.
 
-        The look is the one that was noted last.
+        The snapshot is the one that was noted last.
         """
-        frame = look.frame
+        frame = snapshot.frame
         since_s = self._since_s.get(str(frame.vehicle_id[row]), np.inf)
         if frame.time_s - since_s < self.settings.plain_view_s - TIME_TOLERANCE_S:
             return False

@@ -30,10 +30,10 @@ from harness.grid.cells import Cell
 from harness.grid.result_rows import failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Message, Report, Started, serve
 from harness.running.evaluate import evaluation_of, write_run
-from harness.running.looks import Looks, RandomStreams
+from harness.running.snapshots import RandomStreams, SnapshotStream
 from harness.scoring.metrics.closedloop import NO_CANDIDATE
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_rows import Row
 from harness.truth.network.network import is_in_the_box, load_network
@@ -190,8 +190,8 @@ def _rehearse(traffic: LiveTraffic, at: EpisodeStart, run: PlannedDrive) -> None
     config = run.config
     sensor, road = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides)), traffic.network.road
     rng = np.random.default_rng(0)
-    looks = tuple(Look(frame, sensor.observe(frame, road, rng)) for frame in at.frames[:REHEARSED_STEPS])
-    evaluation_of(config, Looks(road, traffic.step_s, len(looks), sensor.model(road), looks)).follow()
+    snapshots = tuple(Snapshot(frame, sensor.observe(frame, road, rng)) for frame in at.frames[:REHEARSED_STEPS])
+    evaluation_of(config, SnapshotStream(road, traffic.step_s, len(snapshots), sensor.model(road), snapshots)).follow()
 
 
 def _reason(error: Exception) -> str:

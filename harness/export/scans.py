@@ -12,10 +12,10 @@ from pathlib import Path
 
 from harness.running.finished import RecordedRun
 from harness.running.follow import StageTimes, follow
-from harness.running.looks import RandomStreams
 from harness.running.open import as_believed
 from harness.running.recorder import ColumnRecorder
-from harness.running.replay import read_looks
+from harness.running.replay import read_snapshots
+from harness.running.snapshots import RandomStreams
 from harness.storage.run_folder import DETECTIONS
 from harness.storage.schema import TABLES, WHEN
 from harness.trackers.program import TIME_LIMITS_S, scan_text, setting_lines
@@ -41,7 +41,7 @@ class _Listener:
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
     """Write ``episode-0.txt`` and so on, ``detections.csv`` and ``ego.csv``."""
-    looks = as_believed(read_looks(run.folder, run.config), run.config)
+    snapshots = as_believed(read_snapshots(run.folder, run.config), run.config)
     options = {name: value for name, value in run.config.tracker.options.items() if name not in TIME_LIMITS_S}
     told: list[_Listener] = []
 
@@ -49,7 +49,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         told.append(_Listener(list(setting_lines(setting, options))))
         return told[-1]
 
-    follow(looks, build, ColumnRecorder(), RandomStreams.from_seed(run.config.seed).tracker, (), StageTimes())
+    follow(snapshots, build, ColumnRecorder(), RandomStreams.from_seed(run.config.seed).tracker, (), StageTimes())
     return list(_written(run, told[1:], folder))  # the first only compiles
 
 

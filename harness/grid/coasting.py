@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.running.evaluate import evaluate
-from harness.running.looks import Looks
+from harness.running.snapshots import SnapshotStream
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
 from harness.scoring.metrics.paired import paired_errors
 from harness.storage import run_folder as runfolder
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def coasting_errors(looks: Looks, seed: int) -> pd.DataFrame:
-    """Return the error table of coasting over looks that are kept."""
-    evaluated = evaluate(looks, lambda setting: build_tracker(COASTING_TRACKER, setting, {}), seed)
+def coasting_errors(snapshots: SnapshotStream, seed: int) -> pd.DataFrame:
+    """Return the error table of coasting over snapshots that are kept."""
+    evaluated = evaluate(snapshots, lambda setting: build_tracker(COASTING_TRACKER, setting, {}), seed)
     return evaluated.tables[runfolder.ERRORS]
 
 

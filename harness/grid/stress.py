@@ -24,7 +24,7 @@ from harness.grid.cells import GridPlan, distinct_trackers
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.grid.result_rows import assemble
-from harness.running.open import check_driver, check_tracker, open_looks
+from harness.running.open import check_driver, check_tracker, open_snapshots
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_folder import FIGURES, RUNS
 from harness.storage.grid_rows import Row
@@ -116,7 +116,7 @@ def check_grid(grid: GridPlan, tell: Callable[[str], object]) -> None:
 def _check_recordings(grid: GridPlan, tell: Callable[[str], object]) -> None:
     """Read every file once, so that a broken one is reported before hours of runs over the others."""
     for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
-        tell(open_looks(config).report)
+        tell(open_snapshots(config).report)
 
 
 def _check_sensors_and_trackers(grid: GridPlan) -> None:

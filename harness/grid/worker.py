@@ -23,9 +23,9 @@ from harness.grid.coasting import against_coasting, coasting_errors
 from harness.grid.rerun import command_of
 from harness.grid.result_rows import failed_row, finished_row
 from harness.running.evaluate import evaluation_of, write_run
-from harness.running.looks import Looks
-from harness.running.open import OpenLooks, open_looks
+from harness.running.open import OpenSnapshots, open_snapshots
 from harness.running.remembered import RememberedTraffic
+from harness.running.snapshots import SnapshotStream
 from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_rows import Row
@@ -66,13 +66,13 @@ Message = Started | Finished | CellDone
 Report = Callable[[Message], None]
 
 
-def work_on_cell(cell: Cell, report: Report, open_looks: OpenLooks = open_looks) -> None:
+def work_on_cell(cell: Cell, report: Report, open_snapshots: OpenSnapshots = open_snapshots) -> None:
     """Simulate a cell's traffic once and run every tracker over it; failures are rows."""
     report(Started(CELL))
     begin = perf_counter()
     try:
-        looks = open_looks(cell.config).kept()
-        coasting = coasting_errors(looks, cell.config.seed)
+        snapshots = open_snapshots(cell.config).kept()
+        coasting = coasting_errors(snapshots, cell.config.seed)
     except Exception as error:
         for run in cell.runs:
             report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
@@ -80,23 +80,27 @@ def work_on_cell(cell: Cell, report: Report, open_looks: OpenLooks = open_looks)
         for run in cell.runs:
             report(Started(RUN, run.key))
             on_first_step = partial(report, Started(STEPPING, run.key))
-            report(Finished(run.key, _run_over(looks, run, on_first_step, coasting, cell.keep_in)))
+            report(Finished(run.key, _run_over(snapshots, run, on_first_step, coasting, cell.keep_in)))
     report(CellDone())
 
 
 def _run_over(
-    looks: Looks, run: PlannedRun, on_first_step: Callable[[], None], coasting: pd.DataFrame, keep_in: Path | None
+    snapshots: SnapshotStream,
+    run: PlannedRun,
+    on_first_step: Callable[[], None],
+    coasting: pd.DataFrame,
+    keep_in: Path | None,
 ) -> Row:
-    """Return the row of one tracker, which is compared with the errors of coasting over the same looks."""
+    """Return the row of one tracker, which is compared with the errors of coasting over the same snapshots."""
     begin = perf_counter()
     try:
-        evaluation = evaluation_of(run.config, looks)
+        evaluation = evaluation_of(run.config, snapshots)
         evaluation.follow((lambda *_: on_first_step() if evaluation.steps == 1 else None,))
         evaluated = evaluation.finish()
         check_scored(evaluated.scores, evaluated.steps)
         total_s = perf_counter() - begin
         held_against = against_coasting(evaluated.tables[runfolder.ERRORS], coasting)
-        metrics = evaluated.metrics(run.config, {**looks.about, "against_coasting": held_against}, total_s)
+        metrics = evaluated.metrics(run.config, {**snapshots.about, "against_coasting": held_against}, total_s)
         if keep_in is not None:
             write_run(keep_in / run.key, evaluated, metrics, run.config, command_of(run.config))
         return finished_row(run, metrics, total_s)
@@ -110,8 +114,8 @@ def _reason(error: Exception) -> str:
 
 def main() -> None:
     """Work on cells of a stress test; see ``serve``."""
-    open_looks = RememberedTraffic()
-    serve(lambda cell, report: work_on_cell(cell, report, open_looks))
+    open_snapshots = RememberedTraffic()
+    serve(lambda cell, report: work_on_cell(cell, report, open_snapshots))
 
 
 def serve(work: Callable[[Cell, Report], None]) -> None:

@@ -18,11 +18,16 @@ def draw_figures(folder: Path, pictured: Pictured) -> None:
     folder.mkdir()
     title, moment = pictured.title, pictured.moment
     if moment is not None:
-        look = moment.look
+        snapshot = moment.snapshot
         scene = PictureScene(
-            look.frame, look.observation, moment.tracks, pictured.road, pictured.sensor.range_m, moment.particles
+            snapshot.frame,
+            snapshot.observation,
+            moment.tracks,
+            pictured.road,
+            pictured.sensor.range_m,
+            moment.particles,
         )
-        scene_figure(scene, f"{title}: {look.frame.time_s:.1f} s").savefig(folder / SCENE)
+        scene_figure(scene, f"{title}: {snapshot.frame.time_s:.1f} s").savefig(folder / SCENE)
     draw_charts(error_charts(pictured.errors), title, folder / OVER_TIME)
     draw_charts(visibility_charts(pictured.metrics["mae"]), title, folder / BY_VISIBILITY)
     if pictured.diagnostics is not None:

@@ -11,8 +11,8 @@ from harness.common.isolation import isolated
 from harness.common.named import named
 from harness.config.model import RunConfig
 from harness.running.complete import detection_table, truth_table
-from harness.running.looks import Looks
-from harness.running.replay import looks_of
+from harness.running.replay import snapshots_of
+from harness.running.snapshots import SnapshotStream
 from harness.sensor.profiles import sensor_settings
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRUTH, LogFile, topics
@@ -20,7 +20,7 @@ from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 
 
-def looks_of_bag(path: Path, config: RunConfig) -> Looks:
+def snapshots_of_bag(path: Path, config: RunConfig) -> SnapshotStream:
     """Return what a bag has on record, in the plane of its frame ``map`` without lanes.
 
     What the sensor could see of each vehicle is worked out from the boxes, with the reach of the configured profile.
@@ -52,10 +52,10 @@ def looks_of_bag(path: Path, config: RunConfig) -> Looks:
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
     try:
         truth, clock = truth_table(rows, road, figures)
-        looks = looks_of(truth, detection_table(found, truth, clock), road, figures)
+        snapshots = snapshots_of(truth, detection_table(found, truth, clock), road, figures)
     except ValueError as error:
         raise InputError(f"`replay`: {path}: {error}; mend the file") from None
     report = f"truth: {truth_topic}; detections: {detections_topic}"
     vehicles = {"vehicles_read": read - 1, "vehicles_kept": rows["id"].nunique() - 1}
     about = {"recording": {"file": path.name, "format": recording.format, "ego": EGO, "egos": 1, **vehicles}}
-    return replace(looks, files={f"replay/{path.name}": path}, report=report, about=about)
+    return replace(snapshots, files={f"replay/{path.name}": path}, report=report, about=about)

@@ -46,7 +46,7 @@ def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tupl
     elif "lane" not in rows and isinstance(road, CorridorRoad):
         rows["lane"] = road.lane_number_at(*(rows[name].to_numpy(dtype=np.float64) for name in ("lon_m", "lat_m")))
     if not set(SEEN) <= set(rows):
-        _look(rows, road, figures)
+        _observe(rows, road, figures)
     table = TABLES[runfolder.TRUTH]
     return rows[[column.name for column in table.columns if column.name in rows]], clock
 
@@ -91,7 +91,7 @@ def slope_of(rows: pd.DataFrame, column: str) -> FloatArray:
     return slope
 
 
-def _look(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> None:
+def _observe(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> None:
     """Work out what the sensor could see of each vehicle, from the boxes."""
     compile_kernels()
     fraction, in_range = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)

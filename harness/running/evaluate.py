@@ -1,4 +1,4 @@
-"""Evaluates a tracker: it tracks the looks, and what is recorded of it is scored part by part."""
+"""Evaluates a tracker: it tracks the snapshots, and what is recorded of it is scored part by part."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from harness.common.numbers import without_nan
 from harness.common.signals import signals_held
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
-from harness.running.looks import Looks, RandomStreams
 from harness.running.metrics import TrafficSums, identification, timing_table
 from harness.running.open import as_believed, driven_on, tracker_builder
 from harness.running.provenance import provenance_of
 from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
 from harness.running.resolve import write_config
+from harness.running.snapshots import RandomStreams, SnapshotStream
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
 from harness.running.write import RunWriter
@@ -87,7 +87,7 @@ class Evaluation:
         writer: Writes each stretch; None keeps the run in memory.
     """
 
-    looks: Looks
+    snapshots: SnapshotStream
     build: TrackerBuilder
     seed: int
     driven: DriverSetup | None = None
@@ -98,7 +98,7 @@ class Evaluation:
 
     def __post_init__(self) -> None:
         """Prepare to record and to score."""
-        self._road = self.looks.road if self.driven is None else self.driven.road
+        self._road = self.snapshots.road if self.driven is None else self.driven.road
         self._timed: Callable[[str], AbstractContextManager[object]]
         self._timed = nullcontext if self.writer is None else self.writer.timed
         self._scorer, self._traffic = RunScorer(self.seed, self.driven), TrafficSums(self._road)
@@ -113,7 +113,7 @@ class Evaluation:
         return self._recorder.steps
 
     def follow(self, watchers: Sequence[Watch] = (), stream: np.random.SeedSequence | None = None) -> None:
-        """Follow the looks to their end.
+        """Follow the snapshots to their end.
 
         Args:
             watchers: Called after every step.
@@ -121,7 +121,7 @@ class Evaluation:
         """
         stream = RandomStreams.from_seed(self.seed).tracker if stream is None else stream
         watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()))
-        follow(self.looks, self.build, self._recorder, stream, watchers, self.times)
+        follow(self.snapshots, self.build, self._recorder, stream, watchers, self.times)
 
     def recorded(self) -> dict[str, pd.DataFrame]:
         """Return what is kept and not scored yet, by file."""
@@ -142,7 +142,7 @@ class Evaluation:
             # Half put together, a table would get its later stretches twice from ``leave``.
             with self._timed("write"), signals_held():
                 self.writer.close()
-        return Evaluated(self._road, self._tables, scores, self._traffic.table(), self.times, self.looks.step_s)
+        return Evaluated(self._road, self._tables, scores, self._traffic.table(), self.times, self.snapshots.step_s)
 
     def _end_stretch(self) -> None:
         tables = self.recorded()
@@ -167,33 +167,36 @@ class Evaluation:
             keeper.forget()
 
 
-def evaluate(looks: Looks, build: TrackerBuilder, seed: int) -> Evaluated:
-    """Follow looks with a tracker and score it; nothing but its tracks is looked at."""
-    evaluation = Evaluation(looks, build, seed)
+def evaluate(snapshots: SnapshotStream, build: TrackerBuilder, seed: int) -> Evaluated:
+    """Follow snapshots with a tracker and score it; nothing but its tracks is used."""
+    evaluation = Evaluation(snapshots, build, seed)
     evaluation.follow()
     return evaluation.finish()
 
 
 def evaluation_of(
-    config: RunConfig, looks: Looks, keepers: Mapping[str, Keeper] | None = None, writer: RunWriter | None = None
+    config: RunConfig,
+    snapshots: SnapshotStream,
+    keepers: Mapping[str, Keeper] | None = None,
+    writer: RunWriter | None = None,
 ) -> Evaluation:
     """Return the evaluation that a configuration describes; its tracker sees only what the configuration allows.
 
     Args:
         config: The configuration.
-        looks: What it looks at.
+        snapshots: What it tracks.
         keepers: What is kept beside what every run keeps, by the file of its table.
         writer: Writes each stretch; None keeps the run in memory.
 
     Raises:
         InputError: Together with the data sheet the beliefs make no sense.
     """
-    told = as_believed(looks, config)
+    told = as_believed(snapshots, config)
     return Evaluation(
         told,
         tracker_builder(config),
         config.seed,
-        driven_on(looks.road, config),
+        driven_on(snapshots.road, config),
         {**(keepers or {}), runfolder.UNSEEN: UnseenKeeper(told.road, told.sensor)},
         writer,
     )

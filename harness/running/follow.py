@@ -12,10 +12,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from harness.common.errors import InputError, RunError
-from harness.running.looks import Looks
 from harness.running.memory import keep_freed_memory
 from harness.running.recorder import ColumnRecorder
-from harness.sensor.observation import Look
+from harness.running.snapshots import SnapshotStream
+from harness.sensor.observation import Snapshot
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
 from harness.trackers.wellformed import blamed_on, described, fault_of, is_own
 from harness.truth.frame import OPEN
@@ -23,7 +23,7 @@ from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 
 TrackerBuilder = Callable[[TrackerSetting], AnyTracker]
-Watch = Callable[[Look, Tracks, AnyTracker], object]
+Watch = Callable[[Snapshot, Tracks, AnyTracker], object]
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ class StageTimes:
 
 
 def follow(
-    looks: Looks,
+    snapshots: SnapshotStream,
     build_tracker: TrackerBuilder,
     recorder: ColumnRecorder,
     stream: np.random.SeedSequence,
     watchers: Sequence[Watch],
     times: StageTimes,
 ) -> None:
-    """Give looks to trackers, step by step, until they end.
+    """Give snapshots to trackers, step by step, until they end.
 
     Each episode, that is each ego, gets a new tracker with its own stream; track identities stay unique over the run.
 
@@ -53,25 +53,25 @@ def follow(
     keep_freed_memory()
     # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.
     with threadpool_limits(limits=1, user_api="blas"):
-        episodes = _EpisodeTrackers(looks, build_tracker, stream)
-        for look in looks:
-            episodes.ready_for(look)
+        episodes = _EpisodeTrackers(snapshots, build_tracker, stream)
+        for snapshot in snapshots:
+            episodes.ready_for(snapshot)
             begin = perf_counter()
-            tracks = episodes.step(look)
+            tracks = episodes.step(snapshot)
             tracker_s = perf_counter() - begin
-            recorder.add(look, tracks)
-            times.truth_s.append(look.truth_s)
-            times.sensor_s.append(look.sensor_s)
+            recorder.add(snapshot, tracks)
+            times.truth_s.append(snapshot.truth_s)
+            times.sensor_s.append(snapshot.sensor_s)
             times.tracker_s.append(tracker_s)
             for watch in watchers:
-                watch(look, tracks, episodes.tracker)
+                watch(snapshot, tracks, episodes.tracker)
 
 
 @dataclass
 class _EpisodeTrackers:
     """The tracker of the present episode, and the identities that earlier ones used up."""
 
-    looks: Looks
+    snapshots: SnapshotStream
     build_tracker: TrackerBuilder
     stream: np.random.SeedSequence
     episode: int | None = None
@@ -79,12 +79,12 @@ class _EpisodeTrackers:
     first_free_id: int = 0
     id_offset: int = 0
 
-    def ready_for(self, look: Look) -> None:
-        """Put a new tracker in place if the look's episode is a new one."""
-        if look.frame.episode == self.episode:
+    def ready_for(self, snapshot: Snapshot) -> None:
+        """Put a new tracker in place if the snapshot's episode is a new one."""
+        if snapshot.frame.episode == self.episode:
             return
         if self.episode is None:
-            self._compile_once(look)
+            self._compile_once(snapshot)
         self.id_offset = self.first_free_id
         try:
             self.tracker = self._fresh_tracker(self.stream.spawn(1)[0])
@@ -93,12 +93,12 @@ class _EpisodeTrackers:
                 raise
             # Earlier episodes were followed, and are kept.
             raise RunError(str(error)) from error
-        self.episode = look.frame.episode
+        self.episode = snapshot.frame.episode
 
-    def step(self, look: Look) -> Tracks:
+    def step(self, snapshot: Snapshot) -> Tracks:
         """Give the tracker one scan and make its identities unique over the run."""
-        scan = self._told(look)
-        tracks = self._stepped(self.tracker, scan, look)
+        scan = self._told(snapshot)
+        tracks = self._stepped(self.tracker, scan, snapshot)
         self._check(tracks, scan)
         if not len(tracks):
             return tracks
@@ -106,18 +106,18 @@ class _EpisodeTrackers:
         self.first_free_id = max(self.first_free_id, int(unique.track_id.max()) + 1)
         return unique
 
-    def _stepped(self, tracker: AnyTracker, scan: Scan, look: Look) -> Tracks:
+    def _stepped(self, tracker: AnyTracker, scan: Scan, snapshot: Snapshot) -> Tracks:
         # What is recorded and scored is not in the hands of others.
         own = scan if is_own(tracker) else deepcopy(scan)
         with blamed_on(tracker, f"at {scan.time_s:g} s"):
-            return step_tracker(tracker, own, look.observation.truth_id)
+            return step_tracker(tracker, own, snapshot.observation.truth_id)
 
-    def _told(self, look: Look) -> Scan:
-        """Return what the tracker receives of a look."""
-        scan = _as_believed(look.observation.scan, self.looks.noise_factor)
-        if not self.looks.tells_signals or not look.frame.signals:
+    def _told(self, snapshot: Snapshot) -> Scan:
+        """Return what the tracker receives of a snapshot."""
+        scan = _as_believed(snapshot.observation.scan, self.snapshots.noise_factor)
+        if not self.snapshots.tells_signals or not snapshot.frame.signals:
             return scan
-        return replace(scan, open_signals=np.array([letter == OPEN for letter in look.frame.signals]))
+        return replace(scan, open_signals=np.array([letter == OPEN for letter in snapshot.frame.signals]))
 
     def _check(self, tracks: object, scan: Scan) -> None:
         fault = fault_of(tracks)
@@ -128,16 +128,16 @@ class _EpisodeTrackers:
             )
 
     def _fresh_tracker(self, stream: np.random.SeedSequence) -> AnyTracker:
-        looks, rng = self.looks, np.random.default_rng(stream)
-        return self.build_tracker(TrackerSetting(looks.road, looks.sensor, rng, looks.step_s))
+        snapshots, rng = self.snapshots, np.random.default_rng(stream)
+        return self.build_tracker(TrackerSetting(snapshots.road, snapshots.sensor, rng, snapshots.step_s))
 
-    def _compile_once(self, look: Look) -> None:
+    def _compile_once(self, snapshot: Snapshot) -> None:
         """Step a tracker that is thrown away, so that compiling kernels counts in no measured step."""
         rehearsal = self._fresh_tracker(np.random.SeedSequence(0))
         for step in range(3):
-            told = self._told(look)
-            scan = replace(told, time_s=told.time_s + step * self.looks.step_s)
-            tracks = self._stepped(rehearsal, scan, look)
+            told = self._told(snapshot)
+            scan = replace(told, time_s=told.time_s + step * self.snapshots.step_s)
+            tracks = self._stepped(rehearsal, scan, snapshot)
             if fault_of(tracks) is not None:
                 return  # told of the first step that counts
 

@@ -9,14 +9,14 @@ from typing import Any
 from harness.common.errors import InputError
 from harness.config.layers import config_from_table, leaves
 from harness.config.model import RunConfig
-from harness.running.open import OpenLooks
+from harness.running.open import OpenSnapshots
 from harness.running.provenance import provenance_of
 from harness.storage import run_folder as runfolder
 from harness.storage.manifest import CODE, INPUTS, check_unedited
 
 
 def kept_metrics(
-    config: RunConfig, out: Path, open_looks: OpenLooks, tell: Callable[[str], object]
+    config: RunConfig, out: Path, open_snapshots: OpenSnapshots, tell: Callable[[str], object]
 ) -> dict[str, Any] | None:
     """Return the metrics of the finished run in a folder, or None if there is none and it has to be made.
 
@@ -24,7 +24,7 @@ def kept_metrics(
 
     Args:
         out: The folder.
-        open_looks: Opens the traffic, whose files are compared with those of the run.
+        open_snapshots: Opens the traffic, whose files are compared with those of the run.
         tell: Called with a sentence on what is kept.
 
     Raises:
@@ -41,9 +41,9 @@ def kept_metrics(
     now = dict(leaves(config.model_dump()))
     differs = [f"{key} {before.get(key)} there, {now.get(key)} now" for key in now if before.get(key) != now[key]]
     code, models = provenance_of([config])
-    looks = open_looks(config)
-    looks.close()
-    for noted, found in ((manifest.get(CODE) or {}, code), (manifest.get(INPUTS) or {}, looks.hashes() | models)):
+    snapshots = open_snapshots(config)
+    snapshots.close()
+    for noted, found in ((manifest.get(CODE) or {}, code), (manifest.get(INPUTS) or {}, snapshots.hashes() | models)):
         differs += [f"{name} has changed" for name in found if noted.get(name) != found[name]]
     if differs:
         raise InputError(

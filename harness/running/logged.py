@@ -24,10 +24,10 @@ from harness.config.layers import config_from_table, merged
 from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
 from harness.running.complete import KEYS, detection_table, filled, on_clock, slope_of, truth_table
 from harness.running.evaluate import evaluation_of, write_run
-from harness.running.looks import Looks
 from harness.running.nuscenes_boxes import nuscenes_scores
-from harness.running.replay import looks_of, read_looks
+from harness.running.replay import read_snapshots, snapshots_of
 from harness.running.resolve import resolve_run_config
+from harness.running.snapshots import SnapshotStream
 from harness.scoring.metrics.scarce import check_scored
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
@@ -71,7 +71,7 @@ class Scored:
     """
 
     config: RunConfig
-    looks: Looks
+    snapshots: SnapshotStream
     clock: pd.DataFrame
     moments: Mapping[str, tuple[int, float]]
 
@@ -104,14 +104,14 @@ def score_logs(
     against = _of_run(logs, name) if runfolder.is_run_folder(logs["truth"]) else _of_files(logs, name)
     rows = _rows(_log(logs, TRACKS, logs["tracks"]))
     tracks, report = _tracks_at(rows, against)
-    config, looks = against.config.tracked_by(_hand_out(tracks)), against.looks
+    config, snapshots = against.config.tracked_by(_hand_out(tracks)), against.snapshots
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     try:
-        evaluation = evaluation_of(config, looks)
+        evaluation = evaluation_of(config, snapshots)
         evaluation.follow()
         evaluated = evaluation.finish()
         check_scored(evaluated.scores, evaluated.steps)
-        metrics = evaluated.metrics(config, looks.about, perf_counter() - begin)
+        metrics = evaluated.metrics(config, snapshots.about, perf_counter() - begin)
         if not set(STDS) <= set(rows):
             # Those that stand in for them say nothing of the tracker.
             metrics["calibration"] = _unknown(metrics["calibration"])
@@ -119,7 +119,7 @@ def score_logs(
         if by_rules := _by_nuscenes_rules(logs):
             metrics["nuscenes"] = by_rules
             report += "; by nuScenes' rules AMOTA is {amota:.3f} and AMOTP {amotp:.3f} m".format(**by_rules)
-        write_run(pending.path, evaluated, metrics, config, command, looks.hashes())
+        write_run(pending.path, evaluated, metrics, config, command, snapshots.hashes())
         with trusted():
             draw(pending.path)
         with signals_held(forgotten=True):
@@ -174,7 +174,7 @@ def _of_run(logs: Logs, name: str) -> Scored:
     config = config.model_copy(update={"tracker": TrackerConfig(name=name)})
     truth = runfolder.read_table(logs["truth"], runfolder.TRUTH, TRUTH)
     clock = truth.drop_duplicates("step")[["step", *KEYS]]
-    return Scored(config, read_looks(logs["truth"], config), clock.assign(own=clock["time_s"]), {})
+    return Scored(config, read_snapshots(logs["truth"], config), clock.assign(own=clock["time_s"]), {})
 
 
 def _of_files(logs: Logs, name: str) -> Scored:
@@ -207,12 +207,12 @@ def _of_files(logs: Logs, name: str) -> Scored:
     if logs["detections"] is not None:
         found = _with_times(_rows(_log(logs, DETECTIONS, logs["detections"])), moments)
     try:
-        looks = looks_of(truth, detection_table(found, truth, clock), road, figures)
+        snapshots = snapshots_of(truth, detection_table(found, truth, clock), road, figures)
     except ValueError as error:
         raise InputError(f"`truth`: {logs['truth']}: {error}; mend the file") from None
     files = {str(path): path for path in (logs["truth"], logs["detections"]) if path is not None and path.is_file()}
-    looks = replace(looks, files={f"truth/{path.name}": path for path in files.values()})
-    return Scored(config, looks, clock, moments)
+    snapshots = replace(snapshots, files={f"truth/{path.name}": path for path in files.values()})
+    return Scored(config, snapshots, clock, moments)
 
 
 def _check_once(rows: pd.DataFrame, path: Path) -> None:
@@ -293,7 +293,7 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
     count = len(placed)
     if "speed_mps" not in placed:
         lon_speed, lat_speed = (slope_of(placed, name) for name in ("lon_m", "lat_m"))
-        if against.looks.road.has_headings:
+        if against.snapshots.road.has_headings:
             lon_speed, lat_speed = np.hypot(lon_speed, lat_speed), np.zeros(count)
         placed["speed_mps"], placed["lat_speed_mps"] = lon_speed, lat_speed
     if "accel_mps2" not in placed:

@@ -1,4 +1,4 @@
-"""Opens what a configuration names: live or recorded looks, and the tracker."""
+"""Opens what a configuration names: live or recorded snapshots, and the tracker."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from harness.common.errors import InputError
 from harness.config.altered import AlteredSettings
 from harness.config.model import RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
-from harness.running.bag import looks_of_bag
+from harness.running.bag import snapshots_of_bag
 from harness.running.believedmap import believed_map
 from harness.running.follow import TrackerBuilder
-from harness.running.looks import Looks, RandomStreams, look_at
-from harness.running.replay import read_looks
+from harness.running.replay import read_snapshots
+from harness.running.snapshots import RandomStreams, SnapshotStream, observe_traffic
 from harness.scoring.driving.asked import DriverSetup
 from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor, data_sheet
@@ -50,7 +50,7 @@ from mmpf.registry import UnknownNameError
 if TYPE_CHECKING:
     from harness.truth.network.network import Network
 
-OpenLooks = Callable[[RunConfig], Looks]
+OpenSnapshots = Callable[[RunConfig], SnapshotStream]
 
 
 def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float, gui: bool = False) -> TruthSource:
@@ -69,8 +69,8 @@ def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float
 Simulate = Callable[["Network", TrafficConfig, int, float], TruthSource]
 
 
-def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
-    """Open the looks that the configuration describes.
+def open_snapshots(config: RunConfig, simulate: Simulate = simulate) -> SnapshotStream:
+    """Open the snapshots that the configuration describes.
 
     Raises:
         InputError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
@@ -78,25 +78,27 @@ def open_looks(config: RunConfig, simulate: Simulate = simulate) -> Looks:
     if config.replay is None:
         return _altered(_simulated(config, simulate), config)
     path = Path(config.replay)
-    return _altered(read_looks(path, config) if runfolder.is_run_folder(path) else _recorded(path, config), config)
+    return _altered(read_snapshots(path, config) if runfolder.is_run_folder(path) else _recorded(path, config), config)
 
 
-def _altered(looks: Looks, config: RunConfig) -> Looks:
-    """Return the looks with their detections changed as the configuration says."""
+def _altered(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:
+    """Return the snapshots with their detections changed as the configuration says."""
     settings = config.altered
     if settings == AlteredSettings():
-        return looks
+        return snapshots
     sensor = sensor_settings(config.sensor.profile, config.sensor.overrides)
     every = settings.every_scan
     return replace(
-        looks,
-        step_s=every * looks.step_s,
-        expected_steps=-(-looks.expected_steps // every),
-        stream=altered(looks.stream, settings, sensor, looks.road, RandomStreams.from_seed(config.seed).altered),
+        snapshots,
+        step_s=every * snapshots.step_s,
+        expected_steps=-(-snapshots.expected_steps // every),
+        stream=altered(
+            snapshots.stream, settings, sensor, snapshots.road, RandomStreams.from_seed(config.seed).altered
+        ),
     )
 
 
-def _recorded(path: Path, config: RunConfig) -> Looks:
+def _recorded(path: Path, config: RunConfig) -> SnapshotStream:
     traffic, recording = config.traffic, config.traffic.recording
     if recording is None:
         raise InputError(f"`replay`: {path} is not a run's folder, and no format of recorded traffic is set")
@@ -107,34 +109,34 @@ def _recorded(path: Path, config: RunConfig) -> Looks:
     if recording.least_score is not None:
         raise InputError(f"`traffic.recording.least_score`: {recording.format} brings no detections; leave it out")
     if recording.format == BAG:
-        return looks_of_bag(path, config)
+        return snapshots_of_bag(path, config)
     sensor = _sensor(config)
     truth = open_recorded_traffic(
         path, recording.format, traffic.net, recording.ego, traffic.duration_s, recording.start_s
     )
     return replace(
-        look_at(truth, sensor, config.seed),
+        observe_traffic(truth, sensor, config.seed),
         files={f"replay/{file.name}": file for file in files_of(path, recording.format)},
         report=truth.report(),
         about={"recording": truth.summary()},
     )
 
 
-def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Looks:
-    """Return looks at drives whose detections are on record."""
+def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> SnapshotStream:
+    """Return snapshots of drives whose detections are on record."""
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     drives = read_drives(path, recording.format, recording.map)
     least_score = least_score_of(recording.format, recording.least_score)
     truth = open_drives(path, recording.format, drives, config.traffic.duration_s, recording.start_s, least_score)
     return replace(
-        look_at(truth, GivenDetections(settings, truth, FORMATS[recording.format].scores), config.seed),
+        observe_traffic(truth, GivenDetections(settings, truth, FORMATS[recording.format].scores), config.seed),
         files={f"replay/{file.parent.name}/{file.name}": file for file in files_of(path, recording.format)},
         report=truth.report(),
         about={"recording": truth.summary()},
     )
 
 
-def _simulated(config: RunConfig, simulate: Simulate) -> Looks:
+def _simulated(config: RunConfig, simulate: Simulate) -> SnapshotStream:
     # The sensor is checked first: it costs nothing, while opening traffic starts a simulation.
     sensor = _sensor(config)
 
@@ -146,7 +148,7 @@ def _simulated(config: RunConfig, simulate: Simulate) -> Looks:
     truth = simulate(network, traffic, config.seed, reach_m)
     left_out = network.sumo_inputs.left_out if network.sumo_inputs is not None else ()
     report = f"left out of {network.name}: {', '.join(left_out)}" if left_out else ""
-    return replace(look_at(truth, sensor, config.seed), files=_network_files(network), report=report)
+    return replace(observe_traffic(truth, sensor, config.seed), files=_network_files(network), report=report)
 
 
 def _sensor(config: RunConfig) -> Sensor:
@@ -206,16 +208,16 @@ def driven_on(road: Road, config: RunConfig) -> DriverSetup:
     return DriverSetup(driver_of(config.decisions.driver), road)
 
 
-def as_believed(looks: Looks, config: RunConfig) -> Looks:
-    """Return the looks with the information that the configuration gives the tracker.
+def as_believed(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:
+    """Return the snapshots with the information that the configuration gives the tracker.
 
     Raises:
         InputError: Together with the data sheet the beliefs make no sense.
     """
     believes = config.tracker.believes
     if believes.of_the_map:
-        looks = replace(looks, road=believed_map(looks.road, believes))
-    return looks.believed(believes.sheet(), believes.noise_factor, tells_signals=config.tracker.knows_signals)
+        snapshots = replace(snapshots, road=believed_map(snapshots.road, believes))
+    return snapshots.believed(believes.sheet(), believes.noise_factor, tells_signals=config.tracker.knows_signals)
 
 
 def tracker_builder(config: RunConfig) -> TrackerBuilder:

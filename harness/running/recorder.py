@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.storage.run_folder import DETECTIONS, TRACKS, TRUTH
 from harness.storage.schema import TABLES, Column
 from harness.truth.frame import EVERYWHERE, Frame
@@ -60,16 +60,16 @@ class ColumnRecorder:
     _detections: list[Columns] = field(default_factory=list)
     _tracks: list[Columns] = field(default_factory=list)
 
-    def add(self, look: Look, tracks: Tracks) -> None:
+    def add(self, snapshot: Snapshot, tracks: Tracks) -> None:
         """Record one step."""
-        new_episode = self._episode is not None and look.frame.episode != self._episode
+        new_episode = self._episode is not None and snapshot.frame.episode != self._episode
         if self.end_stretch is not None and new_episode and self._rows >= self.stretch_rows:
             self.end_stretch()
-        self._episode = look.frame.episode
-        self._truth.append(_truth_columns(look))
-        self._detections.append(_detection_columns(look))
-        self._tracks.append(_track_columns(look.frame, tracks))
-        self._rows += len(look.frame)
+        self._episode = snapshot.frame.episode
+        self._truth.append(_truth_columns(snapshot))
+        self._detections.append(_detection_columns(snapshot))
+        self._tracks.append(_track_columns(snapshot.frame, tracks))
+        self._rows += len(snapshot.frame)
         self.steps += 1
 
     @property
@@ -92,8 +92,8 @@ class ColumnRecorder:
             columns.clear()
 
 
-def _truth_columns(look: Look) -> Columns:
-    frame, observation = look.frame, look.observation
+def _truth_columns(snapshot: Snapshot) -> Columns:
+    frame, observation = snapshot.frame, snapshot.observation
     is_ego = np.zeros(len(frame), dtype=bool)
     is_ego[frame.ego] = True
     start_m, end_m = frame.window_m if frame.window_m != EVERYWHERE else (None, None)
@@ -135,9 +135,9 @@ def frame_of(rows: pd.DataFrame) -> Frame:
     return Frame(**arrays | of_step)
 
 
-def _detection_columns(look: Look) -> Columns:
-    observation, detections = look.observation, look.observation.scan.detections
-    values = {**_when(look.frame), **vars(detections)}
+def _detection_columns(snapshot: Snapshot) -> Columns:
+    observation, detections = snapshot.observation, snapshot.observation.scan.detections
+    values = {**_when(snapshot.frame), **vars(detections)}
     if detections.sizes is not None:
         values |= vars(detections.sizes)
     if detections.headings is not None:

@@ -6,27 +6,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from harness.config.model import RunConfig, TrafficConfig
-from harness.running.looks import Looks
-from harness.running.open import open_looks, simulate
+from harness.running.open import open_snapshots, simulate
+from harness.running.snapshots import SnapshotStream
 from harness.truth.frame import Frame, TruthSource
 from harness.truth.network.network import Network
 from mmpf.map.road import Road
 
 
 class RememberedTraffic:
-    """Opens looks as ``open_looks`` does; the frames of the traffic simulated last are kept, and played again.
+    """Opens snapshots as ``open_snapshots`` does; the frames of the traffic simulated last are kept, and played again.
 
-    Frames are frozen, and a simulation does not depend on who looks at it, so that the looks are the same.
+    Frames are frozen, and a simulation does not depend on who looks at it, so that the snapshots are the same.
     """
 
     def __init__(self) -> None:
-        """Prepare to open looks; nothing is remembered yet."""
+        """Prepare to open snapshots; nothing is remembered yet."""
         self._key: tuple[TrafficConfig, int, float] | None = None
         self._last: _Played | None = None
 
-    def __call__(self, config: RunConfig) -> Looks:
-        """Return the looks that the configuration describes; see ``open_looks``."""
-        return open_looks(config, simulate=self._simulate)
+    def __call__(self, config: RunConfig) -> SnapshotStream:
+        """Return the snapshots that the configuration describes; see ``open_snapshots``."""
+        return open_snapshots(config, simulate=self._simulate)
 
     def _simulate(self, network: Network, traffic: TrafficConfig, seed: int, reach_m: float) -> TruthSource:
         key = traffic, seed, reach_m

@@ -10,8 +10,8 @@ import pandas as pd
 
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
-from harness.running.looks import Looks, timed_looks
 from harness.running.recorder import detections_of, frame_of
+from harness.running.snapshots import SnapshotStream, timed_snapshots
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
@@ -29,29 +29,29 @@ FARTHEST, SIZES_M = 1e8, (0.1, 60.0)
 RECORDED = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD)
 
 
-def read_looks(folder: Path, config: RunConfig) -> Looks:
+def read_snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
     """Read the truth and detections of a run folder.
 
     Raises:
         InputError: The folder is no finished run, or one of its files is missing, truncated or broken.
     """
     with sound_tables(folder, PARAMETER):
-        return _looks(folder, config)
+        return _snapshots(folder, config)
 
 
-def _looks(folder: Path, config: RunConfig) -> Looks:
+def _snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
     runfolder.read_manifest(folder, PARAMETER)
     truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER)
     detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
     check_truth(truth, road, f"`{PARAMETER}`: {folder / runfolder.TRUTH}")
-    looks = looks_of(truth, detections, road, settings)
-    return replace(looks, files={f"replay/{name}": folder / name for name in RECORDED})
+    snapshots = snapshots_of(truth, detections, road, settings)
+    return replace(snapshots, files={f"replay/{name}": folder / name for name in RECORDED})
 
 
-def looks_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, settings: SensorSettings) -> Looks:
-    """Return the looks that tables of truth and detections record.
+def snapshots_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, settings: SensorSettings) -> SnapshotStream:
+    """Return the snapshots that tables of truth and detections record.
 
     Raises:
         ValueError: The tables hold what no vehicle or detection is.
@@ -64,12 +64,12 @@ def looks_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, settings
         seen = detections_at.get(frame.step, detections.iloc[:0])
         return _observation(frame, truth_at[frame.step], seen, road, settings)
 
-    return Looks(
+    return SnapshotStream(
         road=road,
         step_s=float(np.round(np.diff(times).min(), 6)) if len(times) > 1 else 0.1,
         expected_steps=len(times),
         sensor=build_sensor(settings).model(road),
-        stream=timed_looks(map(frame_of, truth_at.values()), observe),
+        stream=timed_snapshots(map(frame_of, truth_at.values()), observe),
     )
 
 

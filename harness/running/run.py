@@ -18,10 +18,10 @@ from harness.common.signals import signals_held, told_to_end
 from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
 from harness.running.kept import kept_metrics
-from harness.running.looks import Looks
-from harness.running.open import OpenLooks, check_driver, check_tracker, open_looks
+from harness.running.open import OpenSnapshots, check_driver, check_tracker, open_snapshots
 from harness.running.provenance import provenance_of
 from harness.running.resolve import write_config
+from harness.running.snapshots import SnapshotStream
 from harness.running.watchers import DiagnosticsKeeper, MomentKeeper, ParticleKeeper, RunMoment
 from harness.running.write import RunWriter
 from harness.scoring.metrics.scarce import check_scored
@@ -85,7 +85,7 @@ def run(
     command: str = "",
     quiet: bool = True,
     draw: Drawing | None = None,
-    open_looks: OpenLooks = open_looks,
+    open_snapshots: OpenSnapshots = open_snapshots,
 ) -> FinishedRun:
     """Simulate or replay, track, score, draw, and leave a run folder.
 
@@ -102,7 +102,7 @@ def run(
     check_tracker(config)
     check_driver(config)
     if resume and out is not None:
-        kept = kept_metrics(config, out, open_looks, lambda line: None if quiet else sys.stderr.write(f"{line}\n"))
+        kept = kept_metrics(config, out, open_snapshots, lambda line: None if quiet else sys.stderr.write(f"{line}\n"))
         if kept is not None:
             return FinishedRun(out, kept)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
@@ -110,7 +110,7 @@ def run(
     if pending.replaced is not None and not quiet:
         sys.stderr.write(f"when this run is done it replaces {pending.replaced}\n")
     try:
-        metrics = attempt.complete(open_looks, draw, quiet)
+        metrics = attempt.complete(open_snapshots, draw, quiet)
         with signals_held(forgotten=True):
             return FinishedRun(folder=pending.finish(), metrics=metrics)
     except InputError:
@@ -180,35 +180,35 @@ class _Attempt:
         self._config, self._folder = config, folder
         self._writer = RunWriter(folder, config.seed, command)
         self._evaluation: Evaluation | None = None
-        self._looks: Looks | None = None
+        self._snapshots: SnapshotStream | None = None
 
     @property
     def steps(self) -> int:
         """How many steps are finished."""
         return self._evaluation.steps if self._evaluation is not None else 0
 
-    def complete(self, open_looks: OpenLooks, draw: Drawing | None, quiet: bool) -> dict[str, Any]:
+    def complete(self, open_snapshots: OpenSnapshots, draw: Drawing | None, quiet: bool) -> dict[str, Any]:
         """Do the whole run and return the metrics."""
         begin = perf_counter()
         config, folder, writer = self._config, self._folder, self._writer
         write_config(config, folder / runfolder.CONFIG)
         opening = "reading the recording" if config.replay is not None else "warming up traffic"
         with writer.timed("open"), working(opening, quiet):
-            looks = self._looks = open_looks(config)
+            snapshots = self._snapshots = open_snapshots(config)
         writer.code, models = provenance_of([config])
-        writer.inputs = looks.hashes() | models
+        writer.inputs = snapshots.hashes() | models
 
         def say(line: str) -> None:
             if line and not quiet:
                 sys.stderr.write(line + "\n")
 
-        say(looks.report)
-        runfolder.write_road(looks.road, folder / runfolder.ROAD)
+        say(snapshots.report)
+        runfolder.write_road(snapshots.road, folder / runfolder.ROAD)
         moment, diagnostics = MomentKeeper(), DiagnosticsKeeper()
         keepers: dict[str, Keeper] = {runfolder.DIAGNOSTICS: diagnostics, runfolder.PARTICLES: ParticleKeeper()}
-        evaluation = self._evaluation = evaluation_of(config, looks, keepers, writer)
+        evaluation = self._evaluation = evaluation_of(config, snapshots, keepers, writer)
         with writer.timed("loop"):
-            with progress_bar("tracking", looks.expected_steps, quiet, before="loading the tracker") as advance:
+            with progress_bar("tracking", snapshots.expected_steps, quiet, before="loading the tracker") as advance:
                 evaluation.follow((moment.watch, lambda *_: advance()))
             if not self.steps:
                 raise InputError(
@@ -221,8 +221,8 @@ class _Attempt:
             check_scored(evaluated.scores, self.steps)
         if draw is not None:
             with writer.timed("draw"), working("drawing", quiet):
-                draw.figures(folder / runfolder.FIGURES, self._pictured(looks, moment, evaluated))
-        metrics = evaluated.metrics(config, looks.about, perf_counter() - begin, diagnostics.stages_ms)
+                draw.figures(folder / runfolder.FIGURES, self._pictured(snapshots, moment, evaluated))
+        metrics = evaluated.metrics(config, snapshots.about, perf_counter() - begin, diagnostics.stages_ms)
         writer.finish(metrics, self.steps)
         if draw is not None:
             with working("writing the page", quiet), trusted():
@@ -236,15 +236,15 @@ class _Attempt:
 
     def close(self) -> None:
         """Release the simulation."""
-        if self._looks is not None:
-            self._looks.close()
+        if self._snapshots is not None:
+            self._snapshots.close()
 
-    def _pictured(self, looks: Looks, moment: MomentKeeper, evaluated: Evaluated) -> Pictured:
+    def _pictured(self, snapshots: SnapshotStream, moment: MomentKeeper, evaluated: Evaluated) -> Pictured:
         told = self._folder / runfolder.DIAGNOSTICS
         return Pictured(
             title=self._config.title(),
-            road=looks.road,
-            sensor=looks.sensor,
+            road=snapshots.road,
+            sensor=snapshots.sensor,
             errors=sampled_rows(self._folder / runfolder.ERRORS, MOST_DRAWN),
             metrics=evaluated.scores,
             moment=moment.moment,

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from harness.scoring.evidence.settings import TIME_TOLERANCE_S
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.trackers.protocol import AnyTracker, TellsUnseen
 from harness.truth.frame import Frame
 from mmpf.map.road import Road
@@ -47,15 +47,15 @@ class UnseenKeeper:
         self._episode: int | None = None
         self._rows: list[pd.DataFrame] = []
 
-    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
+    def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:
         """Look at one step."""
-        if look.frame.episode != self._episode:
-            self._episode, self._next_s = look.frame.episode, -np.inf
+        if snapshot.frame.episode != self._episode:
+            self._episode, self._next_s = snapshot.frame.episode, -np.inf
             self._unseen = UnseenOfTracks(self._road, self._sensor)
-        unseen = self._unseen.after(look.observation.scan, tracks, tracker)
-        if look.frame.time_s >= self._next_s:
-            self._rows.append(by_stretch(look.frame, unseen))
-            self._next_s = look.frame.time_s + EVERY_S - TIME_TOLERANCE_S
+        unseen = self._unseen.after(snapshot.observation.scan, tracks, tracker)
+        if snapshot.frame.time_s >= self._next_s:
+            self._rows.append(by_stretch(snapshot.frame, unseen))
+            self._next_s = snapshot.frame.time_s + EVERY_S - TIME_TOLERANCE_S
 
     def table(self) -> pd.DataFrame | None:
         """Return one row per moment and stretch, see ``by_stretch``; None before the first step."""

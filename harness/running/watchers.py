@@ -10,7 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import pandas as pd
 
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.storage.run_folder import DIAGNOSTICS
 from harness.storage.schema import TABLES
 from harness.trackers.protocol import AnyTracker
@@ -34,7 +34,7 @@ class ParticleFilter(Protocol):
 class RunMoment:
     """One instant of a run; ``particles`` are the places of all, shape (2, n), None where a tracker has none."""
 
-    look: Look
+    snapshot: Snapshot
     tracks: Tracks
     particles: FloatArray | None
 
@@ -46,15 +46,15 @@ class MomentKeeper:
     moment: RunMoment | None = None
     _best: int = -1
 
-    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:
+    def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:
         """Look at one step."""
-        start_m, end_m = look.frame.window_m
+        start_m, end_m = snapshot.frame.window_m
         hidden = int(np.count_nonzero((tracks.state == HIDDEN) & (tracks.lon_m >= start_m) & (tracks.lon_m <= end_m)))
         if hidden <= self._best:
             return
         self._best = hidden
         particles = tracker.mixture.cloud.state[[LON, LAT]] if isinstance(tracker, ParticleFilter) else None
-        self.moment = RunMoment(look, tracks, particles)
+        self.moment = RunMoment(snapshot, tracks, particles)
 
 
 DECIMALS = 6
@@ -76,11 +76,11 @@ class DiagnosticsKeeper:
     stages_ms: dict[str, MutableSequence[float]] = field(default_factory=dict)
     _rows: list[dict[str, float]] = field(default_factory=list)
 
-    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+    def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Look at one step; a tracker that tells nothing leaves no row."""
         if not isinstance(tracker, DiagnosedTracker):
             return
-        report, frame = tracker.last_report, look.frame
+        report, frame = tracker.last_report, snapshot.frame
         when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
         # The wall times of the stages are no part of the table: equal runs give equal tables.
         names = (name for name in TABLES[DIAGNOSTICS].needed if name not in when)
@@ -107,14 +107,16 @@ class ParticleKeeper:
 
     _steps: list[pd.DataFrame] = field(default_factory=list)
 
-    def watch(self, look: Look, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
+    def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Look at one step."""
         if not isinstance(tracker, ParticleFilter):
             return
         cloud = tracker.mixture.cloud
         lon_lat = cloud.state[[LON, LAT]][:, systematic_sample(cloud, SHOWN_PER_COMPONENT)]
         lon_m, lat_m = np.round(lon_lat, PLACE_DECIMALS).astype(np.float32)
-        self._steps.append(pd.DataFrame({"step": np.full(len(lon_m), look.frame.step), "lon_m": lon_m, "lat_m": lat_m}))
+        self._steps.append(
+            pd.DataFrame({"step": np.full(len(lon_m), snapshot.frame.step), "lon_m": lon_m, "lat_m": lat_m})
+        )
 
     def table(self) -> pd.DataFrame | None:
         """Return columns step, lon_m, lat_m; None without any particle."""

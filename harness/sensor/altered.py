@@ -1,8 +1,8 @@
-"""Changes detections after the sensor made them, for live and for recorded looks alike.
+"""Changes detections after the sensor made them, for live and for recorded snapshots alike.
 
-Each alteration is a generator from looks to looks with a stream of randomness of its own, so that one leaves the draws
-of the others as they were. Truth and visibility stay as they are; what the sensor knows of its own shadows follows from
-the altered detections again.
+Each alteration is a generator from snapshots to snapshots with a stream of randomness of its own, so that one leaves
+the draws of the others as they were. Truth and visibility stay as they are; what the sensor knows of its own shadows
+follows from the altered detections again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from harness.config.altered import AlteredSettings
 from harness.config.sensor import SensorSettings
 from harness.sensor.detector import detections_from, own_shadows, rounded
 from harness.sensor.memory import Chain, SensorMemory, next_state
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.sensor.pseudo_occlusion import hidden_on_purpose
 from harness.sensor.returns import flashing_returns, standing_returns
 from harness.sensor.scene import Scene, sight_to
@@ -31,106 +31,116 @@ UNKNOWN_DIRECTION_RAD = float(np.pi)
 
 
 def altered(
-    looks: Iterable[Look], settings: AlteredSettings, sensor: SensorSettings, road: Road, stream: np.random.SeedSequence
-) -> Iterator[Look]:
-    """Yield looks as they are in the world that the settings describe."""
+    snapshots: Iterable[Snapshot],
+    settings: AlteredSettings,
+    sensor: SensorSettings,
+    road: Road,
+    stream: np.random.SeedSequence,
+) -> Iterator[Snapshot]:
+    """Yield snapshots as they are in the world that the settings describe."""
     thins, bursts, far, dark, adds, ego, hides = (np.random.default_rng(child) for child in stream.spawn(7))
     if settings.every_scan > 1:
-        looks = some_scans(looks, settings.every_scan)
+        snapshots = some_scans(snapshots, settings.every_scan)
     if not settings.false_kept:
-        looks = (_kept(look, look.observation.truth_id != "") for look in looks)
+        snapshots = (_kept(snapshot, snapshot.observation.truth_id != "") for snapshot in snapshots)
     if settings.hide_s:
-        looks = hidden_on_purpose(looks, settings, hides)
+        snapshots = hidden_on_purpose(snapshots, settings, hides)
     if settings.kept_probability < 1.0:
-        looks = thinned(looks, settings.kept_probability, thins)
+        snapshots = thinned(snapshots, settings.kept_probability, thins)
     if settings.dark_share > 0.0:
-        looks = darkened(looks, settings.dark_share, settings.dark_probability, dark)
+        snapshots = darkened(snapshots, settings.dark_share, settings.dark_probability, dark)
     if settings.burst_share > 0.0:
-        looks = in_bursts(looks, Chain(settings.burst_share, settings.burst_s), bursts)
+        snapshots = in_bursts(snapshots, Chain(settings.burst_share, settings.burst_s), bursts)
     if settings.half_range_m is not None:
-        looks = fading(looks, settings.half_range_m, settings.half_range_width_m, road, far)
+        snapshots = fading(snapshots, settings.half_range_m, settings.half_range_width_m, road, far)
     if settings.adds:
-        looks = with_false(looks, settings.of_added(sensor), road, adds)
+        snapshots = with_false(snapshots, settings.of_added(sensor), road, adds)
     if settings.blind_s > 0.0:
-        looks = blinded(looks, settings.blind_s, settings.blind_every_s)
+        snapshots = blinded(snapshots, settings.blind_s, settings.blind_every_s)
     if settings.ego_std_m > 0.0 or settings.ego_std_deg > 0.0:
-        looks = misplaced(looks, settings.ego_std_m, np.deg2rad(settings.ego_std_deg), road, ego)
-    return (_with_shadows(look, sensor, road) for look in looks)
+        snapshots = misplaced(snapshots, settings.ego_std_m, np.deg2rad(settings.ego_std_deg), road, ego)
+    return (_with_shadows(snapshot, sensor, road) for snapshot in snapshots)
 
 
-def some_scans(looks: Iterable[Look], every: int) -> Iterator[Look]:
-    """Yield the first of every so many looks, their steps renumbered."""
-    for k, look in enumerate(looks):
+def some_scans(snapshots: Iterable[Snapshot], every: int) -> Iterator[Snapshot]:
+    """Yield the first of every so many snapshots, their steps renumbered."""
+    for k, snapshot in enumerate(snapshots):
         if k % every == 0:
-            yield replace(look, frame=replace(look.frame, step=k // every))
+            yield replace(snapshot, frame=replace(snapshot.frame, step=k // every))
 
 
-def thinned(looks: Iterable[Look], probability: float, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield looks in which each detection of a vehicle is kept with a probability."""
-    for look in looks:
-        false = look.observation.truth_id == ""
-        yield _kept(look, false | (rng.random(len(false)) < probability))
+def thinned(snapshots: Iterable[Snapshot], probability: float, rng: np.random.Generator) -> Iterator[Snapshot]:
+    """Yield snapshots in which each detection of a vehicle is kept with a probability."""
+    for snapshot in snapshots:
+        false = snapshot.observation.truth_id == ""
+        yield _kept(snapshot, false | (rng.random(len(false)) < probability))
 
 
-def darkened(looks: Iterable[Look], share: float, probability: float, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield looks in which each detection of some of the vehicles is kept with a probability.
+def darkened(
+    snapshots: Iterable[Snapshot], share: float, probability: float, rng: np.random.Generator
+) -> Iterator[Snapshot]:
+    """Yield snapshots in which each detection of some of the vehicles is kept with a probability.
 
     Vehicles are numbered as they are first detected, and every so many a one is dark, beginning at a random one: their
     share is exact up to one vehicle.
     """
     begin = float(rng.random())
     is_dark = {"": False}
-    for look in looks:
-        names = look.observation.truth_id
+    for snapshot in snapshots:
+        names = snapshot.observation.truth_id
         new = np.array(sorted(set(names.tolist()) - set(is_dark)), dtype=np.str_)
         for name in rng.permutation(new).tolist():
             number = len(is_dark) - 1
             is_dark[name] = np.floor(begin + (number + 1) * share) > np.floor(begin + number * share)
         dark = np.array([is_dark[name] for name in names.tolist()], dtype=np.bool_)
-        yield _kept(look, ~dark | (rng.random(len(names)) < probability))
+        yield _kept(snapshot, ~dark | (rng.random(len(names)) < probability))
 
 
-def in_bursts(looks: Iterable[Look], chain: Chain, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield looks without the detections of vehicles that are in a burst, a two-state chain for each vehicle."""
+def in_bursts(snapshots: Iterable[Snapshot], chain: Chain, rng: np.random.Generator) -> Iterator[Snapshot]:
+    """Yield snapshots without the detections of vehicles that are in a burst, a two-state chain for each vehicle."""
     state: dict[str, float] = {}
     time_s, episode = 0.0, -1
-    for look in looks:
-        frame = look.frame
+    for snapshot in snapshots:
+        frame = snapshot.frame
         if frame.episode != episode:
             state, episode, time_s = {}, frame.episode, frame.time_s
         names = frame.vehicle_id.tolist()
         before = np.array([state.get(name, np.nan) for name in names])
         now = next_state(chain, before, frame.time_s - time_s, rng.random(len(names)))
         state, time_s = dict(zip(names, now.astype(np.float64).tolist(), strict=True)), frame.time_s
-        yield _kept(look, np.array([state.get(name, 0.0) == 0.0 for name in look.observation.truth_id.tolist()], bool))
+        yield _kept(
+            snapshot, np.array([state.get(name, 0.0) == 0.0 for name in snapshot.observation.truth_id.tolist()], bool)
+        )
 
 
 def fading(
-    looks: Iterable[Look], half_m: float, width_m: float, road: Road, rng: np.random.Generator
-) -> Iterator[Look]:
-    """Yield looks in which detections of vehicles are lost with the distance, half of them at ``half_m``."""
-    for look in looks:
-        detections, ego = look.observation.scan.detections, look.frame.ego_pose
+    snapshots: Iterable[Snapshot], half_m: float, width_m: float, road: Road, rng: np.random.Generator
+) -> Iterator[Snapshot]:
+    """Yield snapshots in which detections of vehicles are lost with the distance, half of them at ``half_m``."""
+    for snapshot in snapshots:
+        detections, ego = snapshot.observation.scan.detections, snapshot.frame.ego_pose
         distance = sight_to(detections.lon_m, detections.lat_m, road, ego, 0.0).distance
         kept = rng.random(len(distance)) * (1.0 + np.exp((distance - half_m) / width_m)) < 1.0
-        yield _kept(look, kept | (look.observation.truth_id == ""))
+        yield _kept(snapshot, kept | (snapshot.observation.truth_id == ""))
 
 
-def blinded(looks: Iterable[Look], blind_s: float, every_s: float) -> Iterator[Look]:
-    """Yield looks without any detection at the end of every period, counted from the first look."""
+def blinded(snapshots: Iterable[Snapshot], blind_s: float, every_s: float) -> Iterator[Snapshot]:
+    """Yield snapshots without any detection at the end of every period, counted from the first snapshot."""
     begin_s = None
-    for look in looks:
-        begin_s = look.frame.time_s if begin_s is None else begin_s
+    for snapshot in snapshots:
+        begin_s = snapshot.frame.time_s if begin_s is None else begin_s
         # Times are multiples of the step but for their last digits.
-        sees = (look.frame.time_s - begin_s + 1e-6) % every_s < every_s - blind_s
-        yield look if sees else _kept(look, np.zeros(len(look.observation.truth_id), dtype=np.bool_))
+        sees = (snapshot.frame.time_s - begin_s + 1e-6) % every_s < every_s - blind_s
+        yield snapshot if sees else _kept(snapshot, np.zeros(len(snapshot.observation.truth_id), dtype=np.bool_))
 
 
-def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield looks with the false detections of another sensor added, in an order that reveals nothing."""
+def with_false(
+    snapshots: Iterable[Snapshot], sensor: SensorSettings, road: Road, rng: np.random.Generator
+) -> Iterator[Snapshot]:
+    """Yield snapshots with the false detections of another sensor added, in an order that reveals nothing."""
     memory = SensorMemory()
-    for look in looks:
-        frame, seen = look.frame, look.observation
+    for snapshot in snapshots:
+        frame, seen = snapshot.frame, snapshot.observation
         step_s = memory.begin_scan(rng, frame.episode, frame.time_s)
         sight = sight_to(frame.lon_m, frame.lat_m, road, frame.ego_pose, road.axis_of(frame.heading_rad))
         scene = Scene(sensor, frame, road, sight, seen.visible_fraction, seen.occluder, seen.in_range)
@@ -141,7 +151,7 @@ def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: n
         order = rng.permutation(len(detections))
         fraction = np.append(seen.detection_visible_fraction, np.full(len(made), np.nan))
         yield replace(
-            look,
+            snapshot,
             observation=replace(
                 seen,
                 scan=replace(seen.scan, detections=taken(detections, order)),
@@ -152,11 +162,11 @@ def with_false(looks: Iterable[Look], sensor: SensorSettings, road: Road, rng: n
 
 
 def misplaced(
-    looks: Iterable[Look], std_m: float, std_rad: float, road: Road, rng: np.random.Generator
-) -> Iterator[Look]:
-    """Yield looks with an error of the ego's pose, which shifts and turns all detections too."""
-    for look in looks:
-        scan = look.observation.scan
+    snapshots: Iterable[Snapshot], std_m: float, std_rad: float, road: Road, rng: np.random.Generator
+) -> Iterator[Snapshot]:
+    """Yield snapshots with an error of the ego's pose, which shifts and turns all detections too."""
+    for snapshot in snapshots:
+        scan = snapshot.observation.scan
         along, across, turn = rng.standard_normal(3) * [std_m, std_m, std_rad]
         x, y = np.array(sensor_position(scan.ego, road))
         ego_lon, ego_lat = road.to_road(np.array([x + along]), np.array([y + across]))
@@ -177,11 +187,11 @@ def misplaced(
         if headings is not None:
             headings = replace(headings, heading_rad=headings.heading_rad + turn)
         detections = replace(detections, lon_m=rounded(lon), lat_m=rounded(lat), headings=headings)
-        yield _with_scan(look, replace(scan, ego=ego, detections=detections))
+        yield _with_scan(snapshot, replace(scan, ego=ego, detections=detections))
 
 
-def _kept(look: Look, keep: BoolArray) -> Look:
-    return replace(look, observation=look.observation.with_detections(np.flatnonzero(keep)))
+def _kept(snapshot: Snapshot, keep: BoolArray) -> Snapshot:
+    return replace(snapshot, observation=snapshot.observation.with_detections(np.flatnonzero(keep)))
 
 
 def _like(made: Detections, others: Detections) -> Detections:
@@ -200,11 +210,11 @@ def _like(made: Detections, others: Detections) -> Detections:
     return replace(made, **unknown)
 
 
-def _with_scan(look: Look, scan: Scan) -> Look:
-    return replace(look, observation=replace(look.observation, scan=scan))
+def _with_scan(snapshot: Snapshot, scan: Scan) -> Snapshot:
+    return replace(snapshot, observation=replace(snapshot.observation, scan=scan))
 
 
-def _with_shadows(look: Look, sensor: SensorSettings, road: Road) -> Look:
-    """Return a look whose sensor knows the shadows of the remaining detections."""
-    scan = look.observation.scan
-    return _with_scan(look, replace(scan, free_space=own_shadows(sensor, scan.detections, scan.ego, road)))
+def _with_shadows(snapshot: Snapshot, sensor: SensorSettings, road: Road) -> Snapshot:
+    """Return a snapshot whose sensor knows the shadows of the remaining detections."""
+    scan = snapshot.observation.scan
+    return _with_scan(snapshot, replace(scan, free_space=own_shadows(sensor, scan.detections, scan.ego, road)))

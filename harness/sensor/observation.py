@@ -52,7 +52,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Look:
+class Snapshot:
     """What the sensor saw at one moment, with the truth beside it, and the wall times that both took."""
 
     frame: Frame

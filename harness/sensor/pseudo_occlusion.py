@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.config.altered import AlteredSettings
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
@@ -38,8 +38,10 @@ class _Vehicle:
         return time_s < self.hidden_from_s + self.hidden_for_s - TIME_TOLERANCE_S
 
 
-def hidden_on_purpose(looks: Iterable[Look], settings: AlteredSettings, rng: np.random.Generator) -> Iterator[Look]:
-    """Yield looks in which some vehicles are hidden for a time: they give no detection, and their state is hidden.
+def hidden_on_purpose(
+    snapshots: Iterable[Snapshot], settings: AlteredSettings, rng: np.random.Generator
+) -> Iterator[Snapshot]:
+    """Yield snapshots in which some vehicles are hidden for a time: they give no detection, and their state is hidden.
 
     A vehicle may be hidden once it moves and has been in view for ``hide_after_s`` and a delay, uniform up to as much
     again. How long is drawn from ``hide_s`` for each. At most ``hide_share`` of the detected vehicles are hidden at a
@@ -47,19 +49,19 @@ def hidden_on_purpose(looks: Iterable[Look], settings: AlteredSettings, rng: np.
     """
     known: dict[str, _Vehicle] = {}
     episode = -1
-    for look in looks:
-        if look.frame.episode != episode:
-            known, episode = {}, look.frame.episode
-        _note_detections(known, look, settings, rng)
-        _hide(known, look, settings, rng)
-        yield _without_hidden(known, look)
+    for snapshot in snapshots:
+        if snapshot.frame.episode != episode:
+            known, episode = {}, snapshot.frame.episode
+        _note_detections(known, snapshot, settings, rng)
+        _hide(known, snapshot, settings, rng)
+        yield _without_hidden(known, snapshot)
 
 
 def _note_detections(
-    known: dict[str, _Vehicle], look: Look, settings: AlteredSettings, rng: np.random.Generator
+    known: dict[str, _Vehicle], snapshot: Snapshot, settings: AlteredSettings, rng: np.random.Generator
 ) -> None:
-    time_s = look.frame.time_s
-    for name in sorted(set(look.observation.truth_id.tolist()) - {""}):
+    time_s = snapshot.frame.time_s
+    for name in sorted(set(snapshot.observation.truth_id.tolist()) - {""}):
         vehicle = known.get(name)
         if vehicle is None or time_s - vehicle.seen_s > LONGEST_GAP_S + TIME_TOLERANCE_S:
             hidden = (vehicle.hidden_from_s, vehicle.hidden_for_s) if vehicle else (-np.inf, 0.0)
@@ -69,8 +71,8 @@ def _note_detections(
             vehicle.since_s = time_s
 
 
-def _hide(known: dict[str, _Vehicle], look: Look, settings: AlteredSettings, rng: np.random.Generator) -> None:
-    frame = look.frame
+def _hide(known: dict[str, _Vehicle], snapshot: Snapshot, settings: AlteredSettings, rng: np.random.Generator) -> None:
+    frame = snapshot.frame
     speed = dict(zip(frame.vehicle_id.tolist(), frame.speed_mps.tolist(), strict=True))
     seen = [name for name in sorted(known) if known[name].seen_s == frame.time_s]
     room = max(1.0, settings.hide_share * len(seen)) - sum(known[name].is_hidden(frame.time_s) for name in known)
@@ -83,15 +85,15 @@ def _hide(known: dict[str, _Vehicle], look: Look, settings: AlteredSettings, rng
             room -= 1.0
 
 
-def _without_hidden(known: dict[str, _Vehicle], look: Look) -> Look:
-    time_s, seen = look.frame.time_s, look.observation
+def _without_hidden(known: dict[str, _Vehicle], snapshot: Snapshot) -> Snapshot:
+    time_s, seen = snapshot.frame.time_s, snapshot.observation
     withheld = {name: vehicle.hidden_for_s for name, vehicle in known.items() if vehicle.is_hidden(time_s)}
-    pseudo_hidden_s: FloatArray = np.array([withheld.get(name, 0.0) for name in look.frame.vehicle_id.tolist()])
+    pseudo_hidden_s: FloatArray = np.array([withheld.get(name, 0.0) for name in snapshot.frame.vehicle_id.tolist()])
     hidden: BoolArray = pseudo_hidden_s > 0.0
     kept = np.array([name not in withheld for name in seen.truth_id.tolist()], dtype=np.bool_)
     state = np.where(hidden & seen.in_range, HIDDEN, seen.state).astype(np.int8)
     return replace(
-        look,
+        snapshot,
         observation=replace(
             seen.with_detections(np.flatnonzero(kept)),
             visible_fraction=np.where(hidden, 0.0, seen.visible_fraction),

@@ -10,9 +10,9 @@ import numpy as np
 
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes, follow
-from harness.running.looks import Looks, RandomStreams, look_at
-from harness.running.open import OpenLooks
+from harness.running.open import OpenSnapshots
 from harness.running.recorder import ColumnRecorder, RunTables
+from harness.running.snapshots import RandomStreams, SnapshotStream, observe_traffic
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
@@ -24,10 +24,10 @@ from mmpf.tracks import CONFIRMED, Tracks
 from tests.harness.closedloop.frames import frame_of
 
 
-def track(looks, build, seed, watchers=(), times=None) -> RunTables:
-    """Follow looks to their end and return what a run of this root seed records."""
+def track(snapshots, build, seed, watchers=(), times=None) -> RunTables:
+    """Follow snapshots to their end and return what a run of this root seed records."""
     recorder = ColumnRecorder()
-    follow(looks, build, recorder, RandomStreams.from_seed(seed).tracker, watchers, times or StageTimes())
+    follow(snapshots, build, recorder, RandomStreams.from_seed(seed).tracker, watchers, times or StageTimes())
     return recorder.tables()
 
 
@@ -64,14 +64,14 @@ class SteadyTraffic:
         self.closed = True
 
 
-def looking_at(traffic: SteadyTraffic) -> OpenLooks:
+def observing(traffic: SteadyTraffic) -> OpenSnapshots:
     """Return what opens this traffic, seen by the configuration's sensor, in the place of what is asked for."""
 
-    def open_looks(config: RunConfig) -> Looks:
+    def open_snapshots(config: RunConfig) -> SnapshotStream:
         sensor = build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
-        return look_at(traffic, sensor, config.seed)
+        return observe_traffic(traffic, sensor, config.seed)
 
-    return open_looks
+    return open_snapshots
 
 
 @dataclass

@@ -14,7 +14,7 @@ from harness.running.run import run
 from harness.storage import run_folder as runfolder
 from harness.storage.schema import VISIBILITY_STATES
 from harness.storage.tables import write_table
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def recording(tmp_path_factory) -> Path:
     """Record 2.5 s of traffic on three lanes, in which cars hide each other, under two egos."""
     config = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
     out = tmp_path_factory.mktemp("separation") / "recording"
-    return run(config, out=out, open_looks=looking_at(SteadyTraffic(steps=25, ego_stay=15))).folder
+    return run(config, out=out, open_snapshots=observing(SteadyTraffic(steps=25, ego_stay=15))).folder
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
 from harness.scoring.metrics import registry
 from tests.harness.grid.executors import InProcess
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 STEPS = 8
@@ -43,9 +43,9 @@ def toy(monkeypatch) -> None:
 
 def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
     config = resolve_run_config(options={"tracker": ECHO})
-    looks = looking_at(SteadyTraffic(steps=STEPS))
+    snapshots = observing(SteadyTraffic(steps=STEPS))
     drawing = Drawing(draw_figures, write_run_page)
-    folder = run(config, out=tmp_path / "run", draw=drawing, open_looks=looks).folder
+    folder = run(config, out=tmp_path / "run", draw=drawing, open_snapshots=snapshots).folder
     value = json.loads((folder / "metrics.json").read_text())["toy"]["tracks"]
     assert value == len(pd.read_parquet(folder / "tracks.parquet")) / STEPS > 0.0
     assert f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td></tr>" in (folder / "report.html").read_text()

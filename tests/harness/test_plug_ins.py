@@ -24,7 +24,7 @@ from mmpf import Memoryless, MixtureTracker, SensorModel, highway, motion_model,
 from mmpf.registry import UnknownNameError
 from tests.harness.grid.test_cluster import dask_cluster
 from tests.harness.recorded_scene import write_recorded_scene
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 EXAMPLE = Path(__file__).parents[1] / "plugin_example"
 
@@ -218,7 +218,7 @@ def test_a_tracker_that_returns_nonsense_is_told_what_is_wrong_with_it(written, 
     monkeypatch.delitem(sys.modules, "odd_tracker", raising=False)
     config = resolve_run_config(options={"tracker": "odd_tracker:make", "duration": 1.0})
     with pytest.raises((harness.InputError, RunError)) as error:
-        run(config, out=tmp_path / "run", open_looks=looking_at(SteadyTraffic()))
+        run(config, out=tmp_path / "run", open_snapshots=observing(SteadyTraffic()))
     assert told in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -234,7 +234,7 @@ def test_a_tracker_that_returns_nonsense_is_told_what_is_wrong_with_it(written, 
 def test_a_motion_model_that_returns_nonsense_is_told_what_is_wrong_with_it(step, told, setting):
     model = Memoryless("odd", eval(step))
     tracker = MixtureTracker(setting.road, setting.sensor, model, setting.rng)
-    first, second, *_ = looking_at(SteadyTraffic(steps=3))(resolve_run_config(options={}))
+    first, second, *_ = observing(SteadyTraffic(steps=3))(resolve_run_config(options={}))
     tracker.step(first.observation.scan)
     with pytest.raises(ValueError, match=r"^motion model odd: propagate returned") as error:
         tracker.step(second.observation.scan)

@@ -43,8 +43,8 @@ from harness.lab.tuning.spaces import (
     starts_of,
 )
 from harness.running.evaluate import evaluate
-from harness.running.looks import Looks
-from harness.running.open import open_looks
+from harness.running.open import open_snapshots
+from harness.running.snapshots import SnapshotStream
 from harness.trackers.catalogue import TUNED_FILE, build_tracker
 from harness.trackers.conformance.checks import check_tracker
 from harness.trackers.conformance.requirements import TrackerCheckError
@@ -78,7 +78,7 @@ Scores = dict[str, float]
 
 
 @dataclass(frozen=True)
-class RecordedLooks:
+class RecordedSnapshots:
     """One run's traffic and detections, that any number of trackers follow.
 
     Attributes:
@@ -95,29 +95,29 @@ class RecordedLooks:
     hard_share: float = 0.0
 
 
-def recordings_of(seed: int, duration_s: float, sensor: str) -> list[RecordedLooks]:
+def recordings_of(seed: int, duration_s: float, sensor: str) -> list[RecordedSnapshots]:
     """Return a seed's recordings: one for each density, and those in free flow with broken-down vehicles."""
     return [
-        *(RecordedLooks(density, seed, duration_s, sensor) for density in DENSITIES),
-        *(RecordedLooks(FREE_FLOW, seed, FREE_FLOW_S, sensor, broken, HARD_SHARE) for broken in BROKEN_DOWN),
+        *(RecordedSnapshots(density, seed, duration_s, sensor) for density in DENSITIES),
+        *(RecordedSnapshots(FREE_FLOW, seed, FREE_FLOW_S, sensor, broken, HARD_SHARE) for broken in BROKEN_DOWN),
     ]
 
 
 @cache
-def _looks(recording: RecordedLooks) -> Looks:
+def _snapshots(recording: RecordedSnapshots) -> SnapshotStream:
     traffic = {
         "net": "us101", "density": recording.density, "duration_s": recording.duration_s,
         "broken_down": recording.broken_down,
     }  # fmt: skip
     hard = {"detectability_share": recording.hard_share, **HARD_TO_DETECT} if recording.hard_share else {}
     config = {"seed": recording.seed, "traffic": traffic, "sensor": {"profile": recording.sensor, **hard}}
-    return open_looks(RunConfig.model_validate(config)).kept()
+    return open_snapshots(RunConfig.model_validate(config)).kept()
 
 
-def follow(tracker: str, options: Options, recording: RecordedLooks) -> Scores:
+def follow(tracker: str, options: Options, recording: RecordedSnapshots) -> Scores:
     """Return the scores of a tracker with given options, dotted keys with values, whatever its tuned ones are."""
     build = partial(build_tracker, tracker, options=_chosen(tracker, options), tuned=False)
-    metrics = evaluate(_looks(recording), build, recording.seed).scores
+    metrics = evaluate(_snapshots(recording), build, recording.seed).scores
     found = {name: metrics.get(group, {}).get(key) for name, (group, key) in SCORES.items()}
     return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
 

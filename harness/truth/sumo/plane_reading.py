@@ -62,7 +62,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Snapshot:
+class PlaneReading:
     """All vehicles of a network and persons on foot at one instant, struct of arrays over n of them.
 
     Attributes:
@@ -110,7 +110,7 @@ class PlaneReader:
         self._bodies: dict[str, Body] = {}
         self._kept: dict[str, _LastReading] = {}
 
-    def read(self) -> Snapshot:
+    def read(self) -> PlaneReading:
         """Return who drives, stands or walks on the network now; parked and teleporting vehicles are left out."""
         vehicle = self._sumo.vehicle
         bodies, kept = self._bodies, self._kept
@@ -134,7 +134,7 @@ class PlaneReader:
             self._keep_person(str(person), bodies)
         rows = list(self._kept.values())
         place = np.array([(*each.front, *each.rear) for each in rows], dtype=np.float64).reshape(-1, 4)
-        return Snapshot(
+        return PlaneReading(
             time_s=float(self._sumo.simulation.getTime()),
             row={name: k for k, name in enumerate(self._kept)},
             body=[self._bodies[name] for name in self._kept],

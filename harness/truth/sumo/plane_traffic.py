@@ -16,7 +16,7 @@ from harness.truth.frame import STEP_S, Frame
 from harness.truth.network.lanegraph import PlaneNetwork
 from harness.truth.network.network import Network
 from harness.truth.sumo.inflow import Inflow
-from harness.truth.sumo.plane_reading import PlaneReader, Snapshot
+from harness.truth.sumo.plane_reading import PlaneReader, PlaneReading
 from harness.truth.sumo.reading import NO_EGO_INDEX, classes_of
 from harness.truth.sumo.session import FIRST_VEHICLE_WITHIN_S, RunningSumo
 from harness.truth.sumo.smoothing import hann_weights, lead_frames, rounded
@@ -84,7 +84,7 @@ class PlaneTraffic:
                 "give routes for passenger vehicles, or a later begin"
             )
 
-    def read(self) -> Snapshot:
+    def read(self) -> PlaneReading:
         """Return the vehicles as they are now."""
         return self._reader.read()
 
@@ -101,7 +101,7 @@ class PlaneTraffic:
         frame = self._frame_of(now, rows, now.centres(), heading, (speed, np.zeros(len(rows)), accel))
         return replace(frame, step=step, time_s=time_s)
 
-    def frame(self, window: Sequence[Snapshot], step: int, ego: str | None) -> Frame | None:
+    def frame(self, window: Sequence[PlaneReading], step: int, ego: str | None) -> Frame | None:
         """Return the smoothed frame, seen from the ego or the one that follows it; all vehicles if none is wanted."""
         middle = window[self.lead]
         if ego is None:
@@ -122,7 +122,7 @@ class PlaneTraffic:
         }
         return replace(frame, **columns, ego=int(np.flatnonzero(kept == me)[0]))
 
-    def _smoothed(self, window: Sequence[Snapshot], names: Sequence[str], step: int) -> Frame:
+    def _smoothed(self, window: Sequence[PlaneReading], names: Sequence[str], step: int) -> Frame:
         """Return vehicles of the window's middle, smoothed; before they come and after they leave they go on evenly."""
         middle = window[self.lead]
         place, direction = _tracks(window, names)
@@ -143,7 +143,7 @@ class PlaneTraffic:
 
     def _frame_of(
         self,
-        snapshot: Snapshot,
+        snapshot: PlaneReading,
         rows: IntArray,
         place: FloatArray,
         heading: FloatArray,
@@ -175,7 +175,7 @@ class PlaneTraffic:
         )
 
 
-def choose_plane_ego(snapshot: Snapshot) -> str | None:
+def choose_plane_ego(snapshot: PlaneReading) -> str | None:
     """Return the name of the car that carries the sensor from now on; None if there is none.
 
     Of those that have driven for some seconds and have enough others around them it is the last to have set out, since
@@ -189,7 +189,7 @@ def choose_plane_ego(snapshot: Snapshot) -> str | None:
     return list(snapshot.row)[int(best)]
 
 
-def _candidates(snapshot: Snapshot) -> tuple[IntArray, IntArray]:
+def _candidates(snapshot: PlaneReading) -> tuple[IntArray, IntArray]:
     """Return rows of the cars that may be the ego, and how many others each has around it."""
     rows = [
         row
@@ -225,7 +225,7 @@ def lanes_of(lanes: Sequence[tuple[int, ...]], graph: LaneGraph, place: FloatArr
     return found
 
 
-def _tracks(window: Sequence[Snapshot], names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+def _tracks(window: Sequence[PlaneReading], names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
     """Return middles and directions (cosine, sine) of vehicles over the window, each of shape (w, n, 2)."""
     place = np.full((len(window), len(names), 2), np.nan)
     direction = place.copy()

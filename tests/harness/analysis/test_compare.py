@@ -22,7 +22,7 @@ from harness.grid.worker import Finished, work_on_cell
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage.tables import write_table
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 
@@ -247,13 +247,13 @@ def test_a_wrong_call_is_answered_with_one_line(tmp_path, capsys):
 @pytest.fixture
 def echo_runs(tmp_path) -> tuple[str, str, str]:
     """Make a run, its replay with other random numbers of the tracker, and a run on other traffic."""
-    usual, sparse = (looking_at(SteadyTraffic(steps=12, cars_per_lane=count)) for count in (6, 4))
+    usual, sparse = (observing(SteadyTraffic(steps=12, cars_per_lane=count)) for count in (6, 4))
     config = resolve_run_config(options={"tracker": ECHO})
-    first = run(config, out=tmp_path / "first", open_looks=usual).folder
+    first = run(config, out=tmp_path / "first", open_snapshots=usual).folder
     again = run(
         resolve_run_config(options={"replay": str(first), "tracker": ECHO, "seed": 5}), out=tmp_path / "again"
     ).folder
-    other = run(config, out=tmp_path / "other", open_looks=sparse).folder
+    other = run(config, out=tmp_path / "other", open_snapshots=sparse).folder
     return str(first), str(again), str(other)
 
 
@@ -294,7 +294,7 @@ def small_suite(monkeypatch) -> None:
                 on_row(message.key, message.row)
 
         for cell in cells:
-            work_on_cell(cell, report, looking_at(SteadyTraffic(steps=8)))
+            work_on_cell(cell, report, observing(SteadyTraffic(steps=8)))
 
     monkeypatch.setattr("harness.lab.suite.run_cells", run_here)
     monkeypatch.setattr("harness.grid.stress.draw_charts", lambda *arguments: None)

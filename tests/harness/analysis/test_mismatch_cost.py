@@ -12,7 +12,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.grid.worlds import altered_worlds, chosen_worlds, usual_worlds
-from harness.running.open import open_looks
+from harness.running.open import open_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.sensor.profiles import sensor_settings
@@ -114,12 +114,14 @@ def test_finished_runs_are_planned_with_their_own_ego_and_altered_detections(tmp
         GridRequest(net=None, seeds="1", trackers="detections", replay=(str(folder),), mismatch="fewer,none-false")
     )
     assert [cell.runs[0].mismatch for cell in grid.cells] == [AS_IS, "fewer", "none-false"]
-    as_is, fewer, none_false = (list(open_looks(cell.config)) for cell in grid.cells)
+    as_is, fewer, none_false = (list(open_snapshots(cell.config)) for cell in grid.cells)
     for usual, less, clean in zip(as_is, fewer, none_false, strict=True):
         names = usual.observation.truth_id
         assert set(less.observation.truth_id) <= set(names)
         assert (clean.observation.truth_id == names[names != ""]).all()
-    assert sum(len(look.observation.truth_id) for look in fewer) < sum(len(look.observation.truth_id) for look in as_is)
+    assert sum(len(snapshot.observation.truth_id) for snapshot in fewer) < sum(
+        len(snapshot.observation.truth_id) for snapshot in as_is
+    )
     with pytest.raises(InputError, match="`mismatch`: give finished runs or files of recorded traffic"):
         plan_grid(GridRequest(net=None, seeds="1", replay=(str(folder), __file__), mismatch="fewer"))
 

@@ -14,7 +14,7 @@ from harness.commands.app import run_command_line
 from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
-from harness.running.open import open_looks
+from harness.running.open import open_snapshots
 from harness.storage.grid_folder import RUNS
 from mmpf.numerics.arrays import BoolArray
 from tests.harness.grid.executors import ECHO, InProcess
@@ -138,7 +138,9 @@ def test_a_grid_over_recordings_has_a_cell_a_file_with_every_vehicle_in_turn(fil
 def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(files, tmp_path):
     request = GridRequest(net=None, replay=files, ego="each:2", trackers=f"{ECHO},oracle-kalman", seeds="1")
     told: list[str] = []
-    finished = run_stress(request, tmp_path / "out", InProcess(open_looks=open_looks), user=Telling(tell=told.append))
+    finished = run_stress(
+        request, tmp_path / "out", InProcess(open_snapshots=open_snapshots), user=Telling(tell=told.append)
+    )
     assert finished.failures == []
     assert [text.split(" (")[0] for text in told] == ["scene.csv", "scene.xml"]
     summary = json.loads((tmp_path / "out" / SUMMARY).read_text())
@@ -160,7 +162,7 @@ def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(fil
 
 def test_all_trackers_see_the_same_detections_of_a_recording(files, tmp_path):
     request = GridRequest(net=None, replay=files[:1], trackers=f"{ECHO},{ECHO}+gain=2", seeds="1")
-    run_stress(request, tmp_path / "out", InProcess(open_looks=open_looks))
+    run_stress(request, tmp_path / "out", InProcess(open_snapshots=open_snapshots))
     runs = pd.read_parquet(tmp_path / "out" / RUNS)
     assert len(set(runs["detection_noise.lon_m"])) == 1
     assert len(set(runs["mae.visible.n"])) == 1

@@ -10,7 +10,7 @@ from harness.scoring.driving.believed import egos_of, tracked_bodies
 from harness.scoring.evidence.rows import read_run
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
@@ -49,14 +49,14 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
         lon = np.array([0.0, 18.0, 30.0, -20.0, 45.0]) + 0.8 * step
         direction = {"direction_rad": np.zeros(5)} if in_plane else {}
         frame = frame_of(lon, [1.8, 1.8, 5.4, 5.4, 9.0], step=step, length_m=[4.5, 4.0, 5.5, 4.2, 9.0], **direction)
-        look = Look(frame, sensor.observe(frame, ROAD, rng))
+        snapshot = Snapshot(frame, sensor.observe(frame, ROAD, rng))
         tracks = tracks_at(
             lon[1:] + rng.normal(0.0, 0.3, 4), frame.lat_m[1:],
             speed=np.nan if step % 7 == 0 else 8.0, existence=[0.9, 0.4, 0.8, 1.0],
             state=[CONFIRMED, CONFIRMED, TENTATIVE, CONFIRMED],
         )  # fmt: skip
-        recorder.add(look, tracks)
-        bodies = perception.bodies(look, tracks)
+        recorder.add(snapshot, tracks)
+        bodies = perception.bodies(snapshot, tracks)
         assert bodies.doubtful.tolist() == [False, True, False]
         found.append(bodies.sure())
     tables, scoring = recorder.tables(), ScoringSettings()

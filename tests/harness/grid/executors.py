@@ -8,20 +8,20 @@ import pandas as pd
 
 from harness.grid.result_rows import failed_row, finished_row
 from harness.grid.worker import Finished, work_on_cell
-from harness.running.open import OpenLooks
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from harness.running.open import OpenSnapshots
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 BROKEN = "tests.harness.grid.broken_trackers"
-STEADY = looking_at(SteadyTraffic(steps=8))
+STEADY = observing(SteadyTraffic(steps=8))
 METRICS = {"mot": {"hota": 80.0}, "occlusion": {"same_id": 30.0, "events": 40.0}, "run": {"left": "out"}}
 
 
 class InProcess:
     """Runs cells here, one after the other, by default on stand-in traffic."""
 
-    def __init__(self, open_looks: OpenLooks = STEADY) -> None:
-        self.open_looks = open_looks
+    def __init__(self, open_snapshots: OpenSnapshots = STEADY) -> None:
+        self.open_snapshots = open_snapshots
 
     def __call__(self, cells, on_row) -> None:
         def report(message) -> None:
@@ -29,7 +29,7 @@ class InProcess:
                 on_row(message.key, message.row)
 
         for cell in cells:
-            work_on_cell(cell, report, self.open_looks)
+            work_on_cell(cell, report, self.open_snapshots)
 
 
 class MadeUp:

@@ -23,7 +23,7 @@ from harness.report.grid_runs import plan_of
 from harness.storage.schema import NET
 from tests.harness.analysis.test_curves import rows
 from tests.harness.grid.executors import ECHO, MadeUp
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 SMALL = GridRequest(net=None, nets="curve,junction", seeds="2", trackers=ECHO, duration_s=1.0)
 
@@ -113,7 +113,7 @@ def in_process(cells, on_row) -> None:
 
     for cell in cells:
         there_is_none = (cell.config.traffic.net, cell.config.seed) == ("junction", 1)
-        work_on_cell(cell, report, _no_traffic if there_is_none else looking_at(SteadyTraffic(steps=8)))
+        work_on_cell(cell, report, _no_traffic if there_is_none else observing(SteadyTraffic(steps=8)))
 
 
 def _no_traffic(config):

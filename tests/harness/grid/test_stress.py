@@ -17,7 +17,7 @@ from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage.grid_rows import flattened
 from tests.harness.grid.executors import BROKEN, ECHO, STEADY, InProcess, is_timing, table_of
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 REPOSITORY = Path(__file__).parents[3]
 
@@ -36,12 +36,12 @@ def grid(out: Path, request: GridRequest, execute=None) -> FinishedGrid:
 def test_runs_stand_in_a_fixed_order_and_what_fails_is_a_row_beside_those_that_run_on(tmp_path):
     opened = []
 
-    def open_looks(config):
+    def open_snapshots(config):
         opened.append((config.traffic.density, config.seed))
-        return (looking_at(SteadyTraffic(steps=8, fail_at=5)) if config.seed == 1 else STEADY)(config)
+        return (observing(SteadyTraffic(steps=8, fail_at=5)) if config.seed == 1 else STEADY)(config)
 
     request = GridRequest(densities="20,40", seeds="2", trackers=f"{BROKEN}:raising,{ECHO}", duration_s=1.0)
-    finished = grid(tmp_path / "grid", request, InProcess(open_looks))
+    finished = grid(tmp_path / "grid", request, InProcess(open_snapshots))
     assert sorted(opened) == [(20.0, 0), (20.0, 1), (40.0, 0), (40.0, 1)]  # once for all trackers
     table = table_of(finished.folder)
     assert table[["density", "seed", "variant"]].to_numpy().tolist() == [
@@ -61,7 +61,7 @@ def test_a_row_holds_what_a_single_run_writes(tmp_path):
     request = GridRequest(densities="20", seeds="3:4", trackers=ECHO, duration_s=1.0)
     row = table_of(grid(tmp_path / "grid", request).folder).iloc[0]
     config = resolve_run_config(options={"density": 20.0, "seed": 3, "tracker": ECHO, "duration": 1.0})
-    metrics = run(config, out=tmp_path / "run", open_looks=STEADY).metrics
+    metrics = run(config, out=tmp_path / "run", open_snapshots=STEADY).metrics
     single = flattened({name: value for name, value in metrics.items() if name != "run"})
     compared = [name for name in single if not is_timing(name)]
     assert len(compared) > 100

@@ -206,11 +206,11 @@ def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):
     files = [tmp_path / name for name in ("a.csv", "b.csv")]
     runs = [SimpleNamespace(config=SimpleNamespace(replay=path, sensor=None)) for path in (*files, *files)]
 
-    def open_looks(config):
+    def open_snapshots(config):
         opened.append(config.replay)
         return SimpleNamespace(report=f"read {config.replay.name}")
 
-    monkeypatch.setattr("harness.grid.stress.open_looks", open_looks)
+    monkeypatch.setattr("harness.grid.stress.open_snapshots", open_snapshots)
     said: list = []
     stress._check_recordings(SimpleNamespace(cells=runs), said.append)
     assert (opened, said) == (files, ["read a.csv", "read b.csv"])

@@ -24,18 +24,18 @@ from harness.storage.grid_rows import flattened
 from harness.trackers.catalogue import build_tracker
 from tests.harness.grid.executors import BROKEN, ECHO
 from tests.harness.scoring.scenes import score_run
-from tests.harness.stand_ins import SteadyTraffic, looking_at, track
+from tests.harness.stand_ins import SteadyTraffic, observing, track
 
-OPEN = looking_at(SteadyTraffic(steps=8))
+OPEN = observing(SteadyTraffic(steps=8))
 REQUEST = GridRequest(
     densities="20", seeds="3:4", trackers=f"{ECHO},{BROKEN}:raising,{COASTING_TRACKER}", duration_s=1.0
 )
 (CELL_OF_THREE,) = plan_grid(REQUEST).cells
 
 
-def told_of(cell, open_looks=OPEN) -> list:
+def told_of(cell, open_snapshots=OPEN) -> list:
     messages: list = []
-    work_on_cell(cell, messages.append, open_looks)
+    work_on_cell(cell, messages.append, open_snapshots)
     return messages
 
 
@@ -67,18 +67,18 @@ def test_the_row_of_a_run_has_its_times_and_that_of_a_broken_one_its_reason(mess
     assert 0.0 < broken["total_s"] < 100.0
 
 
-def test_each_tracker_is_held_against_coasting_over_the_same_looks(monkeypatch):
+def test_each_tracker_is_held_against_coasting_over_the_same_snapshots(monkeypatch):
     monkeypatch.setattr(worker, "against_coasting", lambda own, coasting: {"alike": own.equals(coasting)})
     cell = plan_grid(replace(REQUEST, trackers=f"{COASTING_TRACKER},{ECHO}")).cells[0]
     rows = [each.row for each in told_of(cell) if isinstance(each, Finished)]
     assert [row["against_coasting.alike"] for row in rows] == [True, False]
 
 
-def test_the_guess_of_coasting_is_that_of_the_oracle_on_the_same_looks():
-    looks = OPEN(CELL_OF_THREE.config).kept()
-    tables = track(looks, lambda setting: build_tracker("oracle-kalman", setting, {}), 3)
+def test_the_guess_of_coasting_is_that_of_the_oracle_on_the_same_snapshots():
+    snapshots = OPEN(CELL_OF_THREE.config).kept()
+    tables = track(snapshots, lambda setting: build_tracker("oracle-kalman", setting, {}), 3)
     errors = score_run(tables.truth, tables.detections, tables.tracks, 3).errors
-    pd.testing.assert_frame_equal(coasting_errors(looks, 3), errors)
+    pd.testing.assert_frame_equal(coasting_errors(snapshots, 3), errors)
 
 
 def test_traffic_that_breaks_fails_every_run_with_its_reason():

@@ -3,8 +3,8 @@
 import numpy as np
 
 from harness.config.model import RunConfig
-from harness.running.looks import RandomStreams
 from harness.running.resolve import resolve_run_config
+from harness.running.snapshots import RandomStreams
 
 
 def test_what_is_not_altered_leaves_no_trace_in_the_configuration():

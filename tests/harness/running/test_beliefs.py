@@ -9,7 +9,7 @@ from harness.common.errors import InputError
 from harness.running.open import as_believed
 from harness.running.resolve import resolve_run_config
 from mmpf.scan import SensorModel
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at, track
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, observing, track
 
 
 def told(*settings):
@@ -26,8 +26,8 @@ def told(*settings):
         return Listener(setting)
 
     config = resolve_run_config(settings=["sensor.profile=lidar", *settings])
-    looks = looking_at(SteadyTraffic(steps=5))(config)
-    tables = track(as_believed(looks, config), build, 0)
+    snapshots = observing(SteadyTraffic(steps=5))(config)
+    tables = track(as_believed(snapshots, config), build, 0)
     return sheets[0], scans, tables
 
 
@@ -91,9 +91,9 @@ def test_no_tracker_is_told_of_signals_unless_it_shall_know_them():
                 return super().step(scan)
 
         config = resolve_run_config(settings=["sensor.profile=lidar", *settings])
-        looks = looking_at(SteadyTraffic(steps=5))(config).kept()
-        shown = [replace(look, frame=replace(look.frame, signals="10")) for look in looks]
-        track(as_believed(replace(looks, stream=shown), config), Listener, 0)
+        snapshots = observing(SteadyTraffic(steps=5))(config).kept()
+        shown = [replace(snapshot, frame=replace(snapshot.frame, signals="10")) for snapshot in snapshots]
+        track(as_believed(replace(snapshots, stream=shown), config), Listener, 0)
         return scans
 
     assert all(scan.open_signals is None for scan in told_with_signals())

@@ -7,7 +7,7 @@ import pandas as pd
 
 from harness.running.metrics import stage_timing
 from harness.running.watchers import DiagnosticsKeeper
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.trackers.protocol import TrackerSetting
 from mmpf.scan import SensorModel
 from mmpf.stages.reporting import StepReport
@@ -26,7 +26,7 @@ def kept(tracker: EchoTracker, reports: list[StepReport]) -> DiagnosticsKeeper:
     for frame, report in zip(SteadyTraffic(steps=len(reports)).frames(), reports, strict=True):
         if isinstance(tracker, TellingTracker):
             tracker.last_report = report
-        keeper.watch(Look(frame, None), Tracks.none(), tracker)
+        keeper.watch(Snapshot(frame, None), Tracks.none(), tracker)
     return keeper
 
 

@@ -10,17 +10,17 @@ from harness.running.evaluate import evaluate, evaluation_of, write_run
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage import run_folder as runfolder
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, observing
 
 CONFIG = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 3})
 
 
 def test_a_run_that_is_written_at_once_leaves_the_files_of_one_that_is_written_as_it_goes_on(tmp_path):
-    evaluation = evaluation_of(CONFIG, looking_at(SteadyTraffic())(CONFIG))
+    evaluation = evaluation_of(CONFIG, observing(SteadyTraffic())(CONFIG))
     evaluation.follow()
     evaluated = evaluation.finish()
     write_run(tmp_path / "at_once", evaluated, evaluated.metrics(CONFIG, {}, 1.0), CONFIG, "test")
-    run(CONFIG, out=tmp_path / "going_on", open_looks=looking_at(SteadyTraffic()), command="test")
+    run(CONFIG, out=tmp_path / "going_on", open_snapshots=observing(SteadyTraffic()), command="test")
     tables = {path.name for path in (tmp_path / "going_on").glob("*.parquet")}
     assert {runfolder.TRUTH, runfolder.UNSEEN, runfolder.ERRORS, runfolder.COMMANDS} <= tables
     for name in (*tables, runfolder.CONFIG, runfolder.ROAD):
@@ -31,7 +31,7 @@ def test_a_run_that_is_written_at_once_leaves_the_files_of_one_that_is_written_a
 
 
 def test_nothing_is_expected_or_driven_where_the_tracker_alone_is_evaluated():
-    evaluated = evaluate(looking_at(SteadyTraffic(steps=7))(CONFIG), EchoTracker, 3)
+    evaluated = evaluate(observing(SteadyTraffic(steps=7))(CONFIG), EchoTracker, 3)
     assert evaluated.steps == 7
     assert evaluated.tables.keys() == {
         f"{name}.parquet" for name in ("truth", "detections", "tracks", "errors", "events")

@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.running.follow import StageTimes, follow
-from harness.running.looks import RandomStreams, look_at
 from harness.running.recorder import ColumnRecorder, RunTables, detections_of
+from harness.running.snapshots import RandomStreams, observe_traffic
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
@@ -15,7 +15,7 @@ from tests.harness.stand_ins import EchoTracker, SteadyTraffic, track
 
 
 def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker, profile: str = "lidar") -> RunTables:
-    return track(look_at(traffic, build_sensor(sensor_settings(profile, {})), seed), build, seed)
+    return track(observe_traffic(traffic, build_sensor(sensor_settings(profile, {})), seed), build, seed)
 
 
 def test_every_frame_is_recorded_once_and_in_order():
@@ -111,10 +111,10 @@ def test_recorded_detections_are_those_that_the_tracker_got_sizes_included():
 
 
 def test_a_step_that_was_cut_short_is_left_out():
-    looks = look_at(SteadyTraffic(steps=9, fail_at=5), build_sensor(sensor_settings("lidar", {})), 0)
+    snapshots = observe_traffic(SteadyTraffic(steps=9, fail_at=5), build_sensor(sensor_settings("lidar", {})), 0)
     recorder = ColumnRecorder()
     with pytest.raises(RuntimeError, match="broke"):
-        follow(looks, EchoTracker, recorder, RandomStreams.from_seed(0).tracker, (), StageTimes())
+        follow(snapshots, EchoTracker, recorder, RandomStreams.from_seed(0).tracker, (), StageTimes())
     recorder._truth.append(recorder._truth[-1])
     tables = recorder.tables()
     assert_array_equal(np.unique(tables.truth["step"]), np.arange(5))

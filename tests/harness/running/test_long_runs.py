@@ -25,7 +25,7 @@ from harness.storage.growing import GrowingTables, sampled_rows
 from harness.storage.tables import write_table
 from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS, runfolder.ERRORS, runfolder.EVENTS)
@@ -35,7 +35,9 @@ STEPS, EGO_STAY = 40, 10
 
 def run_on(out: Path, *, fail_at: int | None = None, draw: Drawing | None = None) -> Path:
     traffic = SteadyTraffic(steps=STEPS, ego_stay=EGO_STAY, fail_at=fail_at)
-    return run(resolve_run_config(options={"tracker": ECHO}), out=out, open_looks=looking_at(traffic), draw=draw).folder
+    return run(
+        resolve_run_config(options={"tracker": ECHO}), out=out, open_snapshots=observing(traffic), draw=draw
+    ).folder
 
 
 @pytest.fixture
@@ -168,8 +170,8 @@ def test_the_recorder_never_ends_a_stretch_within_an_episode():
         recorder.forget()
 
     recorder.end_stretch = end
-    for look in looking_at(SteadyTraffic(steps=7, ego_stay=3))(resolve_run_config(options={"tracker": ECHO})):
-        recorder.add(look, Tracks.none())
+    for snapshot in observing(SteadyTraffic(steps=7, ego_stay=3))(resolve_run_config(options={"tracker": ECHO})):
+        recorder.add(snapshot, Tracks.none())
     assert ended == [[0, 1, 2], [3, 4, 5]]
     assert recorder.tables().truth["step"].unique().tolist() == [6]
     assert (recorder.steps, recorder.kept) == (7, 1)

@@ -10,7 +10,7 @@ from harness.grid.worker import Finished, work_on_cell
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.scoring.metrics.scarce import check_scored
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 NOBODY = ("sensor.range_m=1.0",)
@@ -21,7 +21,7 @@ BLIND = ("sensor.detection_probability=0.0", "sensor.clutter_per_scan=0.0")
 def test_a_run_that_sees_nobody_is_refused_with_the_reason_and_leaves_nothing(settings, reason, tmp_path):
     config = resolve_run_config(options={"tracker": ECHO}, settings=settings)
     with pytest.raises(InputError, match=f"nothing can be scored.*{reason}") as told:
-        run(config, out=tmp_path / "run", open_looks=looking_at(SteadyTraffic(steps=8)))
+        run(config, out=tmp_path / "run", open_snapshots=observing(SteadyTraffic(steps=8)))
     assert "\n" not in str(told.value)
     assert not list(tmp_path.iterdir())
 
@@ -33,7 +33,7 @@ def test_such_a_cell_of_a_grid_is_a_failed_run():
     work_on_cell(
         cell,
         lambda message: rows.append(message.row) if isinstance(message, Finished) else None,
-        looking_at(SteadyTraffic(steps=8)),
+        observing(SteadyTraffic(steps=8)),
     )
     (row,) = rows
     assert row["succeeded"] is False

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.running import remembered
-from harness.running.open import open_looks
+from harness.running.open import open_snapshots
 from harness.running.remembered import RememberedTraffic
 from harness.running.resolve import resolve_run_config
 from tests.harness.stand_ins import SteadyTraffic
@@ -38,7 +38,7 @@ def test_two_sensors_look_at_one_simulation_and_see_what_they_would_have_seen_al
     memory = RememberedTraffic()
     memory(config()).kept()
     again = memory(config(range_m=80.0)).kept()
-    alone = open_looks(config(range_m=80.0), simulate=made_up).kept()
+    alone = open_snapshots(config(range_m=80.0), simulate=made_up).kept()
     assert started == [1]
     for one, other in zip(again, alone, strict=True):
         assert np.array_equal(one.frame.lon_m, other.frame.lon_m)
@@ -54,8 +54,8 @@ def test_other_traffic_is_simulated_anew(started):
 
 def test_traffic_that_was_not_looked_at_to_its_end_is_not_remembered(started):
     memory = RememberedTraffic()
-    looks = memory(config())
-    next(iter(looks))
-    looks.close()
+    snapshots = memory(config())
+    next(iter(snapshots))
+    snapshots.close()
     memory(config()).kept()
     assert started == [1, 1]

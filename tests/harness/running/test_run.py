@@ -17,11 +17,11 @@ from harness.common.files import replacing
 from harness.config.model import RunConfig
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
-from harness.running.looks import Looks
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, FinishedRun, run
+from harness.running.snapshots import SnapshotStream
 from harness.storage import run_folder as runfolder
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 DRAWING = Drawing(draw_figures, write_run_page)
@@ -35,7 +35,7 @@ def steady_traffic() -> SteadyTraffic:
 
 def run_on(traffic: SteadyTraffic, config: RunConfig, out: Path, **options: object) -> FinishedRun:
     """Run with stand-in traffic in SUMO's place; no figures are drawn, which take longer than the run."""
-    return run(config, out=out, open_looks=looking_at(traffic), **options)
+    return run(config, out=out, open_snapshots=observing(traffic), **options)
 
 
 def configured(**options: object) -> RunConfig:
@@ -185,15 +185,15 @@ def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another
 def test_a_resumed_run_refuses_traffic_whose_file_has_changed(tmp_path):
     file, out = tmp_path / "traffic.csv", tmp_path / "run"
 
-    def open_looks(config: RunConfig) -> Looks:
-        return replace(looking_at(SteadyTraffic(steps=12))(config), files={"replay/traffic.csv": file})
+    def open_snapshots(config: RunConfig) -> SnapshotStream:
+        return replace(observing(SteadyTraffic(steps=12))(config), files={"replay/traffic.csv": file})
 
     file.write_text("as recorded")
-    run(configured(), out=out, open_looks=open_looks)
-    run(configured(), out=out, open_looks=open_looks, resume=True)
+    run(configured(), out=out, open_snapshots=open_snapshots)
+    run(configured(), out=out, open_snapshots=open_snapshots, resume=True)
     file.write_text("edited since")
     with pytest.raises(InputError, match=r"traffic\.csv has changed"):
-        run(configured(), out=out, open_looks=open_looks, resume=True)
+        run(configured(), out=out, open_snapshots=open_snapshots, resume=True)
 
 
 def test_a_run_that_breaks_while_it_is_drawn_does_not_look_finished(steady_traffic, tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.running.looks import look_at
+from harness.running.snapshots import observe_traffic
 from harness.running.unseen import UnseenKeeper
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
@@ -15,21 +15,21 @@ from tests.harness.stand_ins import EchoTracker, SteadyTraffic, track
 
 
 def kept(traffic: SteadyTraffic, build=EchoTracker):
-    looks = look_at(traffic, build_sensor(sensor_settings("lidar", {})), 0)
-    keeper = UnseenKeeper(looks.road, looks.sensor)
-    track(looks, build, 0, (keeper.watch,))
-    return keeper, looks
+    snapshots = observe_traffic(traffic, build_sensor(sensor_settings("lidar", {})), 0)
+    keeper = UnseenKeeper(snapshots.road, snapshots.sensor)
+    track(snapshots, build, 0, (keeper.watch,))
+    return keeper, snapshots
 
 
 def test_rows_stand_twice_a_second_and_for_stretches_that_are_in_range_from_end_to_end():
-    keeper, looks = kept(SteadyTraffic(steps=21))
+    keeper, snapshots = kept(SteadyTraffic(steps=21))
     table = keeper.table()
     assert np.unique(table["time_s"]) == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
     assert table["to_lon_m"].to_numpy() - table["from_lon_m"].to_numpy() == pytest.approx(25.0, abs=0.01)
     ego_lon_m = 20.0 * table["time_s"]
     for end in ("from_lon_m", "to_lon_m"):
-        assert np.abs(table[end] - ego_lon_m).max() <= looks.sensor.range_m + 2.5
-    assert set(table["from_lat_m"]) == set(table["to_lat_m"]) == {lane.centre_m for lane in looks.road.lanes}
+        assert np.abs(table[end] - ego_lon_m).max() <= snapshots.sensor.range_m + 2.5
+    assert set(table["from_lat_m"]) == set(table["to_lat_m"]) == {lane.centre_m for lane in snapshots.road.lanes}
 
 
 def test_another_episode_begins_with_another_field():

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from harness.config.altered import AlteredSettings
 from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor
-from harness.sensor.observation import Look
+from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
 from tests.harness.sensor.sensor_scenes import AROUND, CALM, ROAD, false_places, frame_of
 
@@ -18,7 +18,7 @@ SENSOR = sensor_settings("lidar-independent", {**CALM, "persistent_clutter": 0.0
 
 
 def film(steps, cars=AROUND, sensor=SENSOR, speed=0.0, car_speed_mps=None):
-    """Return looks at cars that keep their places to the ego, which moves; the sensor alone fails in nothing."""
+    """Return snapshots of cars that keep their places to the ego, which moves; the sensor alone fails in nothing."""
     rng, eye = np.random.default_rng(0), build_sensor(sensor)
     frames = [
         replace(frame_of(*cars, ego_lon=300.0 + 0.1 * speed * k), step=k, time_s=round(0.1 * k, 1))
@@ -26,35 +26,35 @@ def film(steps, cars=AROUND, sensor=SENSOR, speed=0.0, car_speed_mps=None):
     ]
     if car_speed_mps is not None:
         frames = [replace(frame, speed_mps=np.full(len(frame), car_speed_mps)) for frame in frames]
-    return [Look(frame, eye.observe(frame, ROAD, rng)) for frame in frames]
+    return [Snapshot(frame, eye.observe(frame, ROAD, rng)) for frame in frames]
 
 
-def done(looks, seed=0, sensor=SENSOR, **settings):
-    return list(altered(looks, AlteredSettings(**settings), sensor, ROAD, np.random.SeedSequence(seed)))
+def done(snapshots, seed=0, sensor=SENSOR, **settings):
+    return list(altered(snapshots, AlteredSettings(**settings), sensor, ROAD, np.random.SeedSequence(seed)))
 
 
-def seen(looks):
-    """Return for each vehicle in which looks it was detected."""
-    names = sorted({name for look in looks for name in look.frame.vehicle_id.tolist()} - {"ego"})
-    return {name: np.array([name in look.observation.truth_id for look in looks]) for name in names}
+def seen(snapshots):
+    """Return for each vehicle in which snapshots it was detected."""
+    names = sorted({name for snapshot in snapshots for name in snapshot.frame.vehicle_id.tolist()} - {"ego"})
+    return {name: np.array([name in snapshot.observation.truth_id for snapshot in snapshots]) for name in names}
 
 
 def test_the_same_seed_alters_alike_and_another_otherwise():
-    looks = film(20)
-    first, again, other = (done(looks, seed, kept_probability=0.5) for seed in (1, 1, 2))
+    snapshots = film(20)
+    first, again, other = (done(snapshots, seed, kept_probability=0.5) for seed in (1, 1, 2))
 
     def names(some):
-        return [look.observation.truth_id.tolist() for look in some]
+        return [snapshot.observation.truth_id.tolist() for snapshot in some]
 
     assert names(first) == names(again)
     assert names(first) != names(other)
 
 
 def test_detections_are_thinned_and_truth_stays():
-    looks = film(200)
-    thin = done(looks, kept_probability=0.75)
+    snapshots = film(200)
+    thin = done(snapshots, kept_probability=0.75)
     assert np.mean([flags.mean() for flags in seen(thin).values()]) == pytest.approx(0.75, abs=0.03)
-    for before, after in zip(looks, thin, strict=True):
+    for before, after in zip(snapshots, thin, strict=True):
         assert after.frame is before.frame
         assert after.observation.state is before.observation.state
         kept = np.isin(before.observation.truth_id, after.observation.truth_id)
@@ -88,21 +88,21 @@ def test_half_the_detections_are_left_at_the_half_range():
 
 
 def test_the_sensor_is_blind_for_the_last_second_of_every_eight():
-    counts = [len(look.observation.truth_id) for look in done(film(170), blind_s=1.0, blind_every_s=8.0)]
+    counts = [len(snapshot.observation.truth_id) for snapshot in done(film(170), blind_s=1.0, blind_every_s=8.0)]
     assert [k for k, count in enumerate(counts) if count == 0] == [*range(70, 80), *range(150, 160)]
 
 
 def test_every_second_scan_is_left_with_its_truth_and_its_time():
     half = done(film(10), every_scan=2)
-    assert [look.frame.step for look in half] == [0, 1, 2, 3, 4]
-    assert [look.frame.time_s for look in half] == [0.0, 0.2, 0.4, 0.6, 0.8]
+    assert [snapshot.frame.step for snapshot in half] == [0, 1, 2, 3, 4]
+    assert [snapshot.frame.time_s for snapshot in half] == [0.0, 0.2, 0.4, 0.6, 0.8]
 
 
 def test_all_detections_of_a_scan_are_off_with_the_ego_alike():
-    looks = film(300)
-    jittered = done(looks, ego_std_m=0.2, ego_std_deg=0.3)
+    snapshots = film(300)
+    jittered = done(snapshots, ego_std_m=0.2, ego_std_deg=0.3)
     shifts, turns = [], []
-    for before, after in zip(looks, jittered, strict=True):
+    for before, after in zip(snapshots, jittered, strict=True):
         true, told = before.observation.scan, after.observation.scan
         shift = np.array([told.ego.lon_m - true.ego.lon_m, told.ego.lat_m - true.ego.lat_m])
         turn = told.ego.heading_rad - true.ego.heading_rad
@@ -121,22 +121,29 @@ def test_all_detections_of_a_scan_are_off_with_the_ego_alike():
 
 def test_false_detections_are_left_out_and_others_put_in():
     noisy = SENSOR.model_copy(update={"clutter_per_scan": 3.0})
-    looks = film(300, sensor=noisy)
-    assert np.mean([len(false_places(look.observation)[0]) for look in looks]) == pytest.approx(3.0, abs=0.4)
-    clean = done(looks, sensor=noisy, false_kept=False)
-    assert all(len(false_places(look.observation)[0]) == 0 and len(look.observation.truth_id) == 10 for look in clean)
-    others = done(looks, sensor=noisy, false_kept=False, clutter_per_scan=1.0)
-    assert np.mean([len(false_places(look.observation)[0]) for look in others]) == pytest.approx(1.0, abs=0.2)
-    for look in others:
-        look.observation.scan.detections.validate()
-        assert np.isnan(look.observation.detection_visible_fraction).sum() == len(false_places(look.observation)[0])
+    snapshots = film(300, sensor=noisy)
+    assert np.mean([len(false_places(snapshot.observation)[0]) for snapshot in snapshots]) == pytest.approx(
+        3.0, abs=0.4
+    )
+    clean = done(snapshots, sensor=noisy, false_kept=False)
+    assert all(
+        len(false_places(snapshot.observation)[0]) == 0 and len(snapshot.observation.truth_id) == 10
+        for snapshot in clean
+    )
+    others = done(snapshots, sensor=noisy, false_kept=False, clutter_per_scan=1.0)
+    assert np.mean([len(false_places(snapshot.observation)[0]) for snapshot in others]) == pytest.approx(1.0, abs=0.2)
+    for snapshot in others:
+        snapshot.observation.scan.detections.validate()
+        assert np.isnan(snapshot.observation.detection_visible_fraction).sum() == len(
+            false_places(snapshot.observation)[0]
+        )
 
 
 def test_posts_are_added_where_they_stay():
-    looks = done(film(100, cars=[(30.0, 0.0)]), posts_per_km=5.0, posts_probability=1.0)
-    counts = {len(false_places(look.observation)[0]) for look in looks}
+    snapshots = done(film(100, cars=[(30.0, 0.0)]), posts_per_km=5.0, posts_probability=1.0)
+    counts = {len(false_places(snapshot.observation)[0]) for snapshot in snapshots}
     assert len(counts) == 1
-    places = [sorted(false_places(look.observation)[0]) for look in looks]
+    places = [sorted(false_places(snapshot.observation)[0]) for snapshot in snapshots]
     assert np.std(places, axis=0) == pytest.approx(np.full(counts.pop(), 0.3), abs=0.1)
 
 

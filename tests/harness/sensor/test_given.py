@@ -8,22 +8,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.running.looks import Looks
-from harness.running.open import open_looks
+from harness.running.open import open_snapshots
 from harness.running.resolve import resolve_run_config
+from harness.running.snapshots import SnapshotStream
 from harness.storage.schema import HIDDEN, OUT, VISIBLE
 from tests.harness.truth.recorded.detected.made import GAP, PARKED_XY, STEPS, write_kitti
 
 
-def looks_at(folder: Path, *settings: str) -> Looks:
+def snapshots_from(folder: Path, *settings: str) -> SnapshotStream:
     options = {"replay": str(write_kitti(folder)), "format": "kitti-tracking"}
-    return open_looks(resolve_run_config(None, options, settings)).kept()
+    return open_snapshots(resolve_run_config(None, options, settings)).kept()
 
 
-def test_a_look_has_the_detections_of_its_frame(tmp_path: Path) -> None:
-    for look in looks_at(tmp_path):
-        detections = look.observation.scan.detections
-        of_parked = look.observation.truth_id == "1"
+def test_a_snapshot_has_the_detections_of_its_frame(tmp_path: Path) -> None:
+    for snapshot in snapshots_from(tmp_path):
+        detections = snapshot.observation.scan.detections
+        of_parked = snapshot.observation.truth_id == "1"
         assert of_parked.sum() == 1
         assert detections.lon_m[of_parked] == pytest.approx(PARKED_XY[0], abs=1e-4)
         assert detections.lat_m[of_parked] == pytest.approx(PARKED_XY[1], abs=1e-4)
@@ -34,21 +34,21 @@ def test_a_look_has_the_detections_of_its_frame(tmp_path: Path) -> None:
 
 
 def test_low_scores_are_left_out_as_the_user_says(tmp_path: Path) -> None:
-    assert all(len(look.observation.scan.detections) <= 2 for look in looks_at(tmp_path / "usual"))
-    every = looks_at(tmp_path / "all", "traffic.recording.least_score=0")
-    assert all((look.observation.truth_id == "").sum() == 1 for look in every)
+    assert all(len(snapshot.observation.scan.detections) <= 2 for snapshot in snapshots_from(tmp_path / "usual"))
+    every = snapshots_from(tmp_path / "all", "traffic.recording.least_score=0")
+    assert all((snapshot.observation.truth_id == "").sum() == 1 for snapshot in every)
 
 
 def test_who_is_not_detected_is_hidden_and_who_is_no_vehicle_is_out(tmp_path: Path) -> None:
-    for look in looks_at(tmp_path):
-        state = dict(zip(look.frame.vehicle_id.tolist(), look.observation.state.tolist(), strict=True))
+    for snapshot in snapshots_from(tmp_path):
+        state = dict(zip(snapshot.frame.vehicle_id.tolist(), snapshot.observation.state.tolist(), strict=True))
         assert state["1"] == VISIBLE
-        assert state["2"] == (HIDDEN if look.frame.step in GAP else VISIBLE)
+        assert state["2"] == (HIDDEN if snapshot.frame.step in GAP else VISIBLE)
         assert state["3"] == OUT
 
 
 def test_outside_of_the_camera_s_view_no_place_is_free(tmp_path: Path) -> None:
-    scan = looks_at(tmp_path).kept().stream[0].observation.scan  # type: ignore[index]
+    scan = snapshots_from(tmp_path).kept().stream[0].observation.scan  # type: ignore[index]
     assert scan.free_space is not None
     bearing = np.deg2rad(np.arange(-179.75, 180.0, 0.5))
     behind = np.abs(bearing) > np.deg2rad(41.5)
@@ -56,8 +56,8 @@ def test_outside_of_the_camera_s_view_no_place_is_free(tmp_path: Path) -> None:
     assert (scan.free_space.range_m[~behind] > 0.0).any()
 
 
-def test_equal_looks_whatever_the_seed(tmp_path: Path) -> None:
-    one, other = looks_at(tmp_path / "a", "seed=1"), looks_at(tmp_path / "b", "seed=2")
+def test_equal_snapshots_whatever_the_seed(tmp_path: Path) -> None:
+    one, other = snapshots_from(tmp_path / "a", "seed=1"), snapshots_from(tmp_path / "b", "seed=2")
     assert len(list(one)) == STEPS
     for left, right in zip(one, other, strict=True):
         assert (left.observation.scan.detections.lon_m == right.observation.scan.detections.lon_m).all()

@@ -9,13 +9,13 @@ from harness.storage.schema import HIDDEN
 from tests.harness.sensor.test_altered import done, film, seen
 
 
-def withheld(looks):
-    """Return the length of the window that each vehicle is in, shape (looks, vehicles); nobody enters or leaves."""
-    return np.array([look.observation.pseudo_hidden_s for look in looks])
+def withheld(snapshots):
+    """Return the length of the window that each vehicle is in, shape (snapshots, vehicles); nobody enters or leaves."""
+    return np.array([snapshot.observation.pseudo_hidden_s for snapshot in snapshots])
 
 
 def windows(lengths):
-    """Return length and number of looks of each window of one vehicle, by a plain loop."""
+    """Return length and number of snapshots of each window of one vehicle, by a plain loop."""
     found, run = [], 0
     for k, length in enumerate(lengths):
         run = run + 1 if length else 0
@@ -25,26 +25,26 @@ def windows(lengths):
 
 
 @pytest.fixture(scope="module")
-def looks():
+def snapshots():
     return film(300, speed=10.0, car_speed_mps=10.0)
 
 
 @pytest.fixture(scope="module")
-def hidden(looks):
-    return done(looks, hide_s=(1.0, 2.0), hide_share=0.3)
+def hidden(snapshots):
+    return done(snapshots, hide_s=(1.0, 2.0), hide_share=0.3)
 
 
 def test_a_hidden_vehicle_gives_no_detection_and_counts_as_hidden(hidden):
-    for look in hidden:
-        chosen = look.observation.pseudo_hidden_s > 0.0
-        names = set(look.frame.vehicle_id[chosen].tolist())
-        assert not names & set(look.observation.truth_id.tolist())
-        assert (look.observation.state[chosen] == HIDDEN).all()
-        assert (look.observation.visible_fraction[chosen] == 0.0).all()
+    for snapshot in hidden:
+        chosen = snapshot.observation.pseudo_hidden_s > 0.0
+        names = set(snapshot.frame.vehicle_id[chosen].tolist())
+        assert not names & set(snapshot.observation.truth_id.tolist())
+        assert (snapshot.observation.state[chosen] == HIDDEN).all()
+        assert (snapshot.observation.visible_fraction[chosen] == 0.0).all()
 
 
-def test_all_other_vehicles_are_detected_as_before(looks, hidden):
-    for before, after in zip(looks, hidden, strict=True):
+def test_all_other_vehicles_are_detected_as_before(snapshots, hidden):
+    for before, after in zip(snapshots, hidden, strict=True):
         names = set(after.frame.vehicle_id[after.observation.pseudo_hidden_s > 0.0].tolist())
         assert [name for name in before.observation.truth_id if name not in names] == list(after.observation.truth_id)
         assert after.frame is before.frame
@@ -66,8 +66,8 @@ def test_both_lengths_occur_and_each_vehicle_is_two_seconds_in_view_before(hidde
             assert not lengths[begin - 20 : begin].any()
 
 
-def test_no_more_than_the_share_is_hidden_at_one_time(looks, hidden):
-    most = max(1, int(0.3 * len(seen(looks))))
+def test_no_more_than_the_share_is_hidden_at_one_time(snapshots, hidden):
+    most = max(1, int(0.3 * len(seen(snapshots))))
     assert (withheld(hidden) > 0.0).sum(axis=1).max() <= most
 
 
@@ -75,9 +75,9 @@ def test_standing_vehicles_are_never_hidden():
     assert not withheld(done(film(60, car_speed_mps=0.0), hide_s=(1.0,))).any()
 
 
-def test_the_same_seed_hides_the_same_vehicles(looks, hidden):
-    assert (withheld(done(looks, hide_s=(1.0, 2.0))) == withheld(hidden)).all()
-    assert (withheld(done(looks, seed=1, hide_s=(1.0, 2.0))) != withheld(hidden)).any()
+def test_the_same_seed_hides_the_same_vehicles(snapshots, hidden):
+    assert (withheld(done(snapshots, hide_s=(1.0, 2.0))) == withheld(hidden)).all()
+    assert (withheld(done(snapshots, seed=1, hide_s=(1.0, 2.0))) != withheld(hidden)).any()
 
 
 def test_times_may_be_given_as_a_list_with_commas():

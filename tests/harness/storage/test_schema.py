@@ -21,7 +21,7 @@ from harness.storage.schema import REPORTED_STATES, SCHEMA_VERSION, TABLES, VERS
 from harness.truth.frame import Frame
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import TRACK_STATES
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 ROOT = Path(__file__).parents[3]
 
@@ -41,7 +41,7 @@ class LitTraffic(SteadyTraffic):
 
 def recorded(folder: Path, traffic: SteadyTraffic, tracker: str = "tests.harness.stand_ins:echo_tracker") -> Path:
     config = resolve_run_config(options={"tracker": tracker, "seed": 4})
-    return run(config, out=folder, open_looks=looking_at(traffic)).folder
+    return run(config, out=folder, open_snapshots=observing(traffic)).folder
 
 
 def page() -> str:

@@ -25,7 +25,7 @@ from harness.trackers.program import scan_text
 from harness.trackers.protocol import TrackerSetting
 from mmpf.scan import TRUCK, InvalidScanError
 from mmpf.tracks import Tracks
-from tests.harness.stand_ins import SteadyTraffic, looking_at
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 EXAMPLES = Path(__file__).parents[3] / "docs" / "examples"
 PYTHON_EXAMPLE = f"exec:{shlex.quote(sys.executable)} {shlex.quote(str(EXAMPLES / 'exec_tracker.py'))}"
@@ -96,7 +96,7 @@ def program(folder: Path, before: str = "", at_fifth: str = "pass") -> str:
 def run_with(name: str, out: Path, *settings: str, traffic: SteadyTraffic | None = None):
     limits = [f"tracker.options.{which}_timeout_s={0.5 if which == 'step' else 5}" for which in ("start", "step")]
     config = resolve_run_config(options={"tracker": name}, settings=[*limits, *settings])
-    return run(config, out=out, open_looks=looking_at(traffic or SteadyTraffic(steps=8)))
+    return run(config, out=out, open_snapshots=observing(traffic or SteadyTraffic(steps=8)))
 
 
 @pytest.mark.parametrize("way", AT_FIFTH)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.running.open import open_looks
+from harness.running.open import open_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.av2 import argoverse_logs, read_av2
 from harness.truth.recorded.detected.source import DriveTruth
@@ -80,7 +80,7 @@ def test_errors_are_drawn_from_the_seed(tmp_path: Path) -> None:
 
     def places(seed: int) -> list[float]:
         config = resolve_run_config(None, {"replay": str(folder), "format": "av2", "seed": seed})
-        return [x for look in open_looks(config) for x in look.observation.scan.detections.lon_m.tolist()]
+        return [x for snapshot in open_snapshots(config) for x in snapshot.observation.scan.detections.lon_m.tolist()]
 
     assert places(1) == places(1)
     assert places(1) != places(2)

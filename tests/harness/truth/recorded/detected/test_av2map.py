@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.running.open import open_looks
+from harness.running.open import open_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.source import DriveTruth
@@ -131,18 +131,18 @@ def test_unless_the_map_is_asked_for_nothing_is_known_of_lanes(folder: Path) -> 
 
 
 def test_the_setting_takes_the_map_as_the_road_of_a_run(folder: Path) -> None:
-    looks = open_looks(resolve_run_config(None, {"replay": str(folder), "format": "av2"}, WITH_MAP))
-    assert looks.road.graph is not None
-    assert looks.road.graph.name == ("1", "2", "3", "4", "5", "6")
-    assert any("map" in name for name in looks.files)
+    snapshots = open_snapshots(resolve_run_config(None, {"replay": str(folder), "format": "av2"}, WITH_MAP))
+    assert snapshots.road.graph is not None
+    assert snapshots.road.graph.name == ("1", "2", "3", "4", "5", "6")
+    assert any("map" in name for name in snapshots.files)
 
 
 def test_a_map_that_is_not_there_is_named(tmp_path: Path) -> None:
     asked = {"replay": str(write_av2(tmp_path)), "format": "av2"}
     with pytest.raises(InputError, match=r"`traffic.recording.map`: .*/log has no map"):
-        open_looks(resolve_run_config(None, asked, WITH_MAP))
+        open_snapshots(resolve_run_config(None, asked, WITH_MAP))
     with pytest.raises(InputError, match=r"`traffic.recording.map`: only av2 has a map"):
-        open_looks(resolve_run_config(None, asked | {"format": "kitti-tracking"}, WITH_MAP))
+        open_snapshots(resolve_run_config(None, asked | {"format": "kitti-tracking"}, WITH_MAP))
 
 
 def broken(**changes: Any) -> str:

@@ -1,4 +1,4 @@
-"""The looks of a run: at each step the truth and what the sensor detects of it, live or recorded."""
+"""The snapshots of a run: at each step the truth and what the sensor detects of it, live or recorded."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from harness.common.errors import InputError, RunError
-from harness.sensor.observation import Look, Observation, Sensor
+from harness.sensor.observation import Observation, Sensor, Snapshot
 from harness.storage.manifest import sha256_of
 from harness.truth.frame import Frame, TruthSource
 from mmpf.map.road import Road
@@ -38,12 +38,12 @@ class RandomStreams:
 
 
 @dataclass(frozen=True)
-class Looks:
-    """The looks at one piece of traffic in order, and what is known beforehand.
+class SnapshotStream:
+    """The snapshots of one piece of traffic in order, and what is known beforehand.
 
     Attributes:
-        expected_steps: How many looks there are at most, for progress.
-        stream: The looks, each made when it is asked for; they can be gone through once unless they are ``kept``.
+        expected_steps: How many snapshots there are at most, for progress.
+        stream: The snapshots, each made when it is asked for; they can be gone through once unless they are ``kept``.
         close: Releases what makes them; harmless to call twice.
         noise_factor: Factor on the deviations that detections report, as trackers are shown them.
         tells_signals: Whether trackers are told the states of the road's signals.
@@ -53,7 +53,7 @@ class Looks:
     step_s: float
     expected_steps: int
     sensor: SensorModel
-    stream: Iterable[Look]
+    stream: Iterable[Snapshot]
     close: Callable[[], None] = lambda: None
     files: Mapping[str, Path] = field(default_factory=dict)
     report: str = ""
@@ -61,8 +61,10 @@ class Looks:
     noise_factor: float = 1.0
     tells_signals: bool = False
 
-    def believed(self, sheet: Mapping[str, float], noise_factor: float | None, *, tells_signals: bool = False) -> Looks:
-        """Return the same looks with changed information for trackers.
+    def believed(
+        self, sheet: Mapping[str, float], noise_factor: float | None, *, tells_signals: bool = False
+    ) -> SnapshotStream:
+        """Return the same snapshots with changed information for trackers.
 
         Args:
             sheet: Values in place of those of the data sheet, by name.
@@ -79,17 +81,17 @@ class Looks:
         factor = 1.0 if noise_factor is None else noise_factor
         return replace(self, sensor=sensor, noise_factor=factor, tells_signals=tells_signals)
 
-    def __iter__(self) -> Iterator[Look]:
+    def __iter__(self) -> Iterator[Snapshot]:
         return iter(self.stream)
 
-    def kept(self) -> Looks:
-        """Return the same looks in memory, to be played to many trackers; none of these is charged with making them.
+    def kept(self) -> SnapshotStream:
+        """Return the same snapshots in memory, to be played to many trackers; none of these pays for making them.
 
         Raises:
-            RunError: The simulation fails, or there is no look.
+            RunError: The simulation fails, or there is no snapshot.
         """
         try:
-            stream = tuple(replace(look, truth_s=0.0, sensor_s=0.0) for look in self)
+            stream = tuple(replace(snapshot, truth_s=0.0, sensor_s=0.0) for snapshot in self)
         finally:
             self.close()
         if not stream:
@@ -97,25 +99,25 @@ class Looks:
         return replace(self, stream=stream, expected_steps=len(stream), close=lambda: None)
 
     def hashes(self) -> dict[str, str]:
-        """Return the SHA-256 of each file that decided the looks."""
+        """Return the SHA-256 of each file that decided the snapshots."""
         return {name: sha256_of(path) for name, path in self.files.items()}
 
 
-def look_at(truth: TruthSource, sensor: Sensor, seed: int) -> Looks:
-    """Let a sensor look at traffic."""
+def observe_traffic(truth: TruthSource, sensor: Sensor, seed: int) -> SnapshotStream:
+    """Let a sensor observe traffic."""
     rng = np.random.default_rng(RandomStreams.from_seed(seed).sensor)
-    return Looks(
+    return SnapshotStream(
         road=truth.road,
         step_s=truth.step_s,
         expected_steps=truth.expected_steps,
         sensor=sensor.model(truth.road),
-        stream=timed_looks(truth.frames(), lambda frame: sensor.observe(frame, truth.road, rng)),
+        stream=timed_snapshots(truth.frames(), lambda frame: sensor.observe(frame, truth.road, rng)),
         close=truth.close,
     )
 
 
-def timed_looks(frames: Iterable[Frame], observe: Callable[[Frame], Observation]) -> Iterator[Look]:
-    """Yield a look for each frame on demand, with the wall times of truth and sensor."""
+def timed_snapshots(frames: Iterable[Frame], observe: Callable[[Frame], Observation]) -> Iterator[Snapshot]:
+    """Yield a snapshot for each frame on demand, with the wall times of truth and sensor."""
     source = iter(frames)
     while True:
         begin = perf_counter()
@@ -124,4 +126,4 @@ def timed_looks(frames: Iterable[Frame], observe: Callable[[Frame], Observation]
             return
         moved = perf_counter()
         observation = observe(frame)
-        yield Look(frame, observation, truth_s=moved - begin, sensor_s=perf_counter() - moved)
+        yield Snapshot(frame, observation, truth_s=moved - begin, sensor_s=perf_counter() - moved)

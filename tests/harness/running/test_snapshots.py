@@ -1,4 +1,4 @@
-"""Looks are made when they are asked for, or kept to be played again and again."""
+"""Snapshots are made when they are asked for, or kept to be played again and again."""
 
 import numpy as np
 import pytest
@@ -6,43 +6,43 @@ import pytest
 from harness.common.errors import RunError
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
-from harness.running.looks import Looks
-from tests.harness.stand_ins import EchoTracker, SteadyTraffic, looking_at, track
+from harness.running.snapshots import SnapshotStream
+from tests.harness.stand_ins import EchoTracker, SteadyTraffic, observing, track
 
 
-def looks_at(traffic: SteadyTraffic) -> Looks:
-    return looking_at(traffic)(RunConfig())
+def snapshots_from(traffic: SteadyTraffic) -> SnapshotStream:
+    return observing(traffic)(RunConfig())
 
 
 def test_nothing_is_simulated_before_it_is_looked_at():
-    looks = looks_at(SteadyTraffic(fail_at=3))
-    assert [next(iter(looks)).frame.step for _ in range(3)] == [0, 1, 2]
+    snapshots = snapshots_from(SteadyTraffic(fail_at=3))
+    assert [next(iter(snapshots)).frame.step for _ in range(3)] == [0, 1, 2]
     with pytest.raises(RuntimeError, match="broke"):
-        next(iter(looks))
+        next(iter(snapshots))
 
 
-def test_kept_looks_are_the_live_ones_and_the_traffic_is_closed():
+def test_kept_snapshots_are_the_live_ones_and_the_traffic_is_closed():
     traffic = SteadyTraffic(steps=5)
-    kept = looks_at(traffic).kept()
+    kept = snapshots_from(traffic).kept()
     assert traffic.closed
     assert kept.expected_steps == 5
-    for live, again in zip(looks_at(traffic), kept, strict=True):
+    for live, again in zip(snapshots_from(traffic), kept, strict=True):
         assert live.frame.lon_m.tobytes() == again.frame.lon_m.tobytes()
         assert live.observation.scan.detections.lon_m.tobytes() == again.observation.scan.detections.lon_m.tobytes()
 
 
-def test_every_tracker_that_kept_looks_are_played_to_gets_all_of_them():
-    kept = looks_at(SteadyTraffic(steps=5)).kept()
+def test_every_tracker_that_kept_snapshots_are_played_to_gets_all_of_them():
+    kept = snapshots_from(SteadyTraffic(steps=5)).kept()
     first, second = (track(kept, EchoTracker, seed=3) for _ in range(2))
     assert list(np.unique(first.truth["step"])) == list(range(5))
     for table in ("truth", "detections", "tracks"):
         assert getattr(first, table).equals(getattr(second, table))
 
 
-def test_making_live_looks_takes_time_and_playing_kept_ones_none():
+def test_making_live_snapshots_takes_time_and_playing_kept_ones_none():
     live, kept = StageTimes(), StageTimes()
-    track(looks_at(SteadyTraffic(steps=4)), EchoTracker, 0, times=live)
-    track(looks_at(SteadyTraffic(steps=4)).kept(), EchoTracker, 0, times=kept)
+    track(snapshots_from(SteadyTraffic(steps=4)), EchoTracker, 0, times=live)
+    track(snapshots_from(SteadyTraffic(steps=4)).kept(), EchoTracker, 0, times=kept)
     assert min(live.truth_s + live.sensor_s + live.tracker_s + kept.tracker_s) > 0.0
     assert list(kept.truth_s) == list(kept.sensor_s) == [0.0] * 4
 
@@ -51,5 +51,5 @@ def test_making_live_looks_takes_time_and_playing_kept_ones_none():
 def test_traffic_without_ego_or_that_breaks_is_closed_and_told(steps, fail_at, error):
     traffic = SteadyTraffic(steps=steps, fail_at=fail_at)
     with pytest.raises(error):
-        looks_at(traffic).kept()
+        snapshots_from(traffic).kept()
     assert traffic.closed
