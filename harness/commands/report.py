@@ -34,8 +34,8 @@ class Options(TypedDict):
 def command(options: Options) -> None:
     """Write RUN/report.html: one file that opens offline.
 
-    A run's page has key figures with intervals, a summary, figures, the five
-    worst occlusions, and a top-view replay. 'run' writes this page too.
+    A run's page has a top-view replay, key figures with intervals, a summary,
+    the worst failures and figures. 'run' writes this page too.
     --figures writes figures to RUN/figures: errors over time and by
     visibility, the tracker's state and the worst occlusions; for a stress
     test, its curves.

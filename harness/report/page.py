@@ -16,18 +16,14 @@ from markupsafe import Markup
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.report.decision_gallery import GALLERY as DECISIONS
-from harness.report.decision_gallery import draw_decisions, worst_brakings
+from harness.report.failures import withheld_words, worst_brakings, worst_failures
 from harness.report.figures import OVER_TIME
-from harness.report.gallery import AFTERWARDS_S, GALLERY, draw_gallery, worst_failures
 from harness.report.html_tables import error_table, hidden_table, mot_table
 from harness.report.key_figures import key_figures
 from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
-from harness.report.strips import strips_in
 from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
 from harness.report.vehicles import vehicle_table
-from harness.report.withheld_gallery import withheld_words
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
@@ -50,22 +46,8 @@ class PageFigure:
     description: str
 
 
-BEFORE_S = 1.0
-
-
-@dataclass(frozen=True)
-class PictureStrip:
-    """One strip of a gallery: the picture, as a data address, what happened, and from when to when it is replayed."""
-
-    source: str
-    sentence: str
-    vehicle_id: str
-    time_s: float
-    until_s: float
-
-
 def write_run_page(folder: Path) -> Path:
-    """Write ``report.html`` and the failure gallery's figures into a finished run's folder, and return the page.
+    """Write ``report.html`` into a finished run's folder, and return it.
 
     Raises:
         InputError: It is no finished run's folder, or one of its files is missing or broken.
@@ -73,8 +55,7 @@ def write_run_page(folder: Path) -> Path:
     run = read_recorded_run(folder, "folder", MOST_SHOWN)
     page = page_of(folder)
     write_text(page, run_page(run))
-    drawn = (path for kind in (GALLERY, DECISIONS) for path in strips_in(folder / runfolder.FIGURES, kind))
-    ownership.add(folder, [page, *drawn])
+    ownership.add(folder, [page])
     return page
 
 
@@ -91,7 +72,7 @@ def page_of(folder: Path) -> Path:
 
 
 def run_page(run: RecordedRun) -> str:
-    """Return the page of a run; its failure gallery is drawn into the run's folder on the way."""
+    """Return the page of a run."""
     recorded_s = run.truth["time_s"].max() - run.truth["time_s"].min() if len(run.truth) else 0.0
     shown = f"{recorded_s:.0f} s" if run.whole else f"replay and failures of its first {recorded_s:.0f} s"
     by_visibility = visibility_charts(run.metrics["mae"])
@@ -109,11 +90,11 @@ def run_page(run: RecordedRun) -> str:
         sentences=summary_sentences(run.metrics),
         setting=setting_sentence(run.metrics),
         figures_table=key_figures(run),
-        strips=_strips(run),
+        failures=worst_failures(run),
         decisions=decision_summary(run.metrics),
-        decision_strips=_decision_strips(run),
+        brakings=worst_brakings(run),
         withheld=withheld_words(run.metrics),
-        failures=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
+        lost=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[] if run.whole or not drawn.is_file() else [PageFigure(embedded(drawn), OVER_TIME_WORDS)],
         error_table=error_table(run.metrics["mae"]),
         hidden_table=hidden_table(run.metrics["mae"]),
@@ -174,36 +155,6 @@ def embedded(picture: Path) -> str:
     """Return a picture as a data address."""
     kind = "svg+xml" if picture.suffix == ".svg" else picture.suffix.removeprefix(".")
     return f"data:image/{kind};base64,{base64.b64encode(picture.read_bytes()).decode('ascii')}"
-
-
-def _strips(run: RecordedRun) -> list[PictureStrip]:
-    failures = worst_failures(run)
-    folder = run.folder / runfolder.FIGURES
-    folder.mkdir(exist_ok=True)
-    pictures = draw_gallery(run, failures, folder)
-    return [
-        PictureStrip(embedded(picture), failure.sentence(), failure.vehicle_id, *failure.replayed_s(run))
-        for picture, failure in zip(pictures, failures, strict=True)
-    ]
-
-
-def _decision_strips(run: RecordedRun) -> list[PictureStrip]:
-    if run.brakings is None:
-        return []
-    brakings = worst_brakings(run.brakings)
-    pictures = draw_decisions(run, brakings, run.folder / runfolder.FIGURES)
-    times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
-    egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step").set_index("step")["vehicle_id"]
-    return [
-        PictureStrip(
-            embedded(picture),
-            braking.sentence(),
-            braking.vehicle_id or str(egos[braking.step]),
-            max(float(times[braking.from_step]) - BEFORE_S, 0.0),
-            float(times[braking.to_step]) + AFTERWARDS_S,
-        )
-        for picture, braking in zip(pictures, brakings, strict=True)
-    ]
 
 
 def _facts(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
+from matplotlib.figure import Figure
 
 from harness.analysis.curve_charts import curve_charts
 from harness.analysis.curves import curve_points
@@ -13,11 +14,14 @@ from harness.common.charts import KINDS, draw_charts
 from harness.common.errors import InputError
 from harness.common.files import save_figure
 from harness.grid.grid import title_of
+from harness.report.failures import AFTERWARDS_S, worst_failures
 from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME
-from harness.report.gallery import strip_figure, worst_failures
 from harness.report.grid_runs import plan_of
 from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
-from harness.running.finished import read_recorded_run
+from harness.report.scene import PictureScene, scene_figure
+from harness.running.finished import RecordedRun, read_recorded_run
+from harness.running.recorder import tracks_of
+from harness.running.replay import snapshots_of
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
@@ -56,10 +60,22 @@ def _of_run(folder: Path, place: Path, kind: str) -> Iterator[Path]:
         path = (place / name).with_suffix(f".{kind}")
         draw_charts(group, run.config.title(), path)
         yield path
-    for number, failure in enumerate(worst_failures(run), start=1):
-        path = place / f"gallery-{number}.{kind}"
-        save_figure(strip_figure(run, failure), path, metadata=UNDATED[kind])
+    for number, figure in enumerate(_failure_figures(run), start=1):
+        path = place / f"failure-{number}.{kind}"
+        save_figure(figure, path, metadata=UNDATED[kind])
         yield path
+
+
+def _failure_figures(run: RecordedRun) -> Iterator[Figure]:
+    """Yield the road from above at the moment at which each of the worst failures ends."""
+    times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
+    for failure in worst_failures(run):
+        step = (times - (failure.until_s - AFTERWARDS_S)).abs().idxmin()
+        truth, detections, tracks = (table[table["step"] == step] for table in (run.truth, run.detections, run.tracks))
+        (snapshot,) = snapshots_of(truth, detections, run.road, run.sensor)
+        seen = snapshot.frame, snapshot.observation
+        scene = PictureScene(*seen, tracks_of(tracks), run.road, run.sensor.range_m)
+        yield scene_figure(scene, f"{snapshot.frame.time_s:.1f} s. {failure.sentence}")
 
 
 def _of_grid(folder: Path, place: Path, kind: str) -> Iterator[Path]:

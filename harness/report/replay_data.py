@@ -60,7 +60,8 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
     ... step.
     """
     reach_m = run.sensor.range_m + BEYOND_RANGE_M
-    kept_truth = run.truth[_near_ego(run.truth, reach_m)]
+    truth = run.truth if beside is not None or run.commands is None else _with_demands(run.truth, run.commands)
+    kept_truth = truth[_near_ego(truth, reach_m)]
     size = _bytes(run, kept_truth) + (0 if beside is None else _bytes(beside.run, kept_truth))
     stride = 1 + size // MOST_BYTES
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
@@ -80,7 +81,7 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         "unseen": _unseen(run, steps),
         "events": _events(run.events, steps, names),
         "outcomes": ["", *OUTCOMES],
-        "plots": _plots(run),
+        "plots": _plots(kept_truth, run.tracks),
     }
     if beside is not None:
         of_truth = _truth(kept_truth, beside.run.errors, codes, steps)
@@ -212,11 +213,20 @@ def _others(table: pd.DataFrame, known: Mapping[str, Any]) -> dict[str, tuple[st
     return {name: (name, "f4", 1.0) for name in names if name not in known and name not in UNPLOTTED}
 
 
-def _plots(run: RecordedRun) -> list[tuple[str, str, str, float]]:
+def _with_demands(truth: pd.DataFrame, commands: pd.DataFrame) -> pd.DataFrame:
+    """Return the truth with what the ego's driver demands in the ego's rows, by the truth and by the tracks."""
+    demands = (
+        commands.set_index("step")[["truth_mps2", "tracks_mps2"]].reindex(truth["step"]).to_numpy(dtype=np.float64)
+    )
+    demands[~truth["is_ego"].to_numpy(dtype=bool)] = np.nan
+    return truth.assign(demanded_by_truth_mps2=demands[:, 0], demanded_by_tracks_mps2=demands[:, 1])
+
+
+def _plots(truth: pd.DataFrame, tracks: pd.DataFrame) -> list[tuple[str, str, str, float]]:
     """Return what may be plotted over time: its name, ``truth`` or ``tracks``, the packed column and its factor."""
     plots = [("distance to its track, m", "truth", "error", 100.0)]
     for whose, table, packed, known in (
-        ("vehicle", "truth", run.truth, OF_VEHICLES), ("its track", "tracks", run.tracks, OF_TRACKS),
+        ("vehicle", "truth", truth, OF_VEHICLES), ("its track", "tracks", tracks, OF_TRACKS),
     ):  # fmt: skip
         named = known | {name: (name, factor) for name, (_, _, factor) in _others(packed, known).items()}
         plots += [(f"{whose}: {name}", table, key, factor) for name, (key, factor) in named.items()]

@@ -166,6 +166,11 @@ def detections_of(rows: pd.DataFrame) -> Detections:
     )
 
 
+def tracks_of(rows: pd.DataFrame) -> Tracks:
+    """Return the tracks that rows of the table record."""
+    return Tracks(**{each.name: _values(rows, TABLES[TRACKS].of(each.name)) for each in fields(Tracks)})
+
+
 def _values(rows: pd.DataFrame, column: Column) -> npt.NDArray[Any]:
     """Return a column as an array, shape (n,); words with codes as those."""
     if column.words:

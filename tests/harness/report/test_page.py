@@ -51,7 +51,6 @@ def test_a_runs_page_needs_nothing_but_itself(tmp_path):
     assert len(addresses) > 3
     assert [address for address in addresses if not address.startswith(("#", "data:"))] == []
     assert not re.search(r"url\(|@import|fetch\(|XMLHttpRequest", page.read_text(encoding="utf-8"))
-    assert (tmp_path / "run" / "figures" / "gallery-1.png").is_file()
 
 
 def test_a_vehicles_name_cannot_break_the_page(tmp_path):
@@ -117,17 +116,15 @@ def test_a_page_that_finds_no_room_leaves_the_earlier_one(tmp_path, capsys, monk
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
-def test_somebody_elses_page_and_pictures_are_left_alone(tmp_path, capsys):
+def test_somebody_elses_page_is_left_alone(tmp_path, capsys):
     folder = write_recorded_scene(tmp_path / "run")
     (folder / "report.html").write_text("<p>mine</p>")
-    (folder / "figures" / "gallery-of-mine.png").write_text("mine")
     assert run_command_line(["report", str(folder)]) == EXIT_USER_ERROR
     assert "was not made by this program" in capsys.readouterr().err
     assert (folder / "report.html").read_text() == "<p>mine</p>"
     (folder / "report.html").unlink()
     assert run_command_line(["report", str(folder)]) == 0
     assert run_command_line(["report", str(folder)]) == 0, "its own page is replaced"
-    assert (folder / "figures" / "gallery-of-mine.png").exists()
 
 
 def test_a_folder_that_is_none_is_the_users_error(tmp_path, capsys):

@@ -36,7 +36,7 @@ def test_a_runs_errors_and_worst_moments_are_drawn_and_the_page_stays_as_it_was(
     folder = write_recorded_scene(tmp_path / "run")
     before = write_page(folder).read_bytes()
     names = {path.name for path in write_pictures(folder, "svg")}
-    assert names == {"error_over_time.svg", "error_by_visibility.svg", "gallery-1.svg"}
+    assert names == {"error_over_time.svg", "error_by_visibility.svg", "failure-1.svg"}
     assert write_page(folder).read_bytes() == before
 
 

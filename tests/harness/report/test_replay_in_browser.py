@@ -126,7 +126,7 @@ def test_everything_works_from_the_keyboard(page):
     assert console(page) == []
 
 
-def test_a_failure_of_the_gallery_is_watched_in_the_replay(page):
+def test_a_failure_is_watched_in_the_replay(page):
     page.find_element(By.CSS_SELECTOR, "button[data-vehicle]").click()
     assert asked(page, "followed") == "far"
     assert asked(page, "playing") is True
