@@ -49,8 +49,8 @@ _within: ContextVar[bool] = ContextVar("_within", default=False)
 class ProcessLimits:
     """What a fork may use: memory beyond what it begins with, processor time between two messages, size of a file."""
 
-    memory_bytes: int = 1536 * MB
-    cpu_s: int = 30
+    memory_bytes: int = 1280 * MB
+    cpu_s: int = 25
     file_bytes: int = MB
 
     @classmethod
@@ -86,7 +86,7 @@ def streamed(
     """Yield what work sends that is done in a fork, as ``isolated`` does it; within a fork it is done there.
 
     Args:
-        work: The work, called with the function that sends; None says no more than that it goes on.
+        work: The work, called with the function that sends; None says that it goes on, and gives it no more time.
         place: What is read, for messages.
         limits: What the fork may use.
         folders: The folders beneath which it may write; it works in the first.
@@ -200,7 +200,8 @@ def _work(
             frames: tuple[bytes | memoryview, ...] = (struct.pack(f"Q{len(parts)}Q", len(parts), *lengths), *parts)
             for part in frames:
                 _write(writing, part)
-            _renew_cpu(limits)
+            if answer is not None:
+                _renew_cpu(limits)
 
         try:
             work(send)
@@ -288,4 +289,4 @@ def _in_words(status: int, limits: ProcessLimits) -> str:
 
 
 def _too_much_memory(limits: ProcessLimits) -> str:
-    return f"it needs more than {limits.memory_bytes / (1024 * MB):.1f} GB of memory"
+    return f"it needs more than {limits.memory_bytes / (1024 * MB):.2f} GB of memory"

@@ -36,6 +36,8 @@ from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
+from harness.truth.recorded.order import FASTEST_MPS, LONGEST_INTERVAL_S
+from harness.truth.recorded.plausible import TOLERATED_SHARE
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.scan import Scan
@@ -190,6 +192,7 @@ def _of_files(logs: Logs, name: str) -> Scored:
     rows = _with_times(rows, moments)
     rows = _with_ego(rows, ego, logs)
     _check_once(rows, logs["truth"])
+    _check_moves(rows, logs["truth"])
     table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
     settings = merged(None, {}, logs["settings"])
     sensor = table["sensor"] | settings.pop("sensor", {})
@@ -222,6 +225,21 @@ def _check_once(rows: pd.DataFrame, path: Path) -> None:
         raise InputError(f"`truth`: {path}: {str(again['id'].iloc[0])[:60]} is there twice at one time; leave one row")
     if (most := rows.groupby(KEYS).size().max()) > MOST_AT_ONCE:
         raise InputError(f"`truth`: {path}: {most} vehicles at one time; at most {MOST_AT_ONCE} are scored")
+
+
+def _check_moves(rows: pd.DataFrame, path: Path) -> None:
+    """Refuse a truth that pauses for long, or whose ego, or more than a few of whose vehicles, leap."""
+    pause_s = rows[KEYS].drop_duplicates().sort_values(KEYS).groupby("episode")["time_s"].diff().max()
+    if pause_s > LONGEST_INTERVAL_S:
+        raise InputError(f"`truth`: {path}: {pause_s:g} s pass between two of its times; mend the times, or cut it")
+    ordered = rows.sort_values("time_s").reset_index(drop=True)
+    moved = ordered.groupby(["episode", "id"])[["lon_m", "lat_m", "time_s"]].diff().to_numpy(dtype=np.float64)
+    far_m = np.hypot(moved[:, 0], moved[:, 1])
+    leaps = far_m > FASTEST_MPS * moved[:, 2]
+    if leaps.mean() > TOLERATED_SHARE or (leaps & ordered["is_ego"].to_numpy(dtype=bool)).any():
+        row = int(leaps.argmax())
+        who = str(ordered["id"].iloc[row])[:60]
+        raise InputError(f"`truth`: {path}: {who} leaps by {far_m[row]:.0f} m; mend places and times")
 
 
 def _samples(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:

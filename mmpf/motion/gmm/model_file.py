@@ -25,7 +25,7 @@ MIXTURE_PARTS = ("weights", "means", "covariances", *Scaling._fields)
 
 # No fitted model comes near to these.
 MOST_ARRAYS, MOST_BYTES = 200, 64 * 1024 * 1024
-LARGEST = 1e6
+LEAST, LARGEST = 1e-30, 1e6
 DAMAGE = (
     *(ValueError, EOFError, KeyError, AttributeError, TypeError, SyntaxError, OverflowError, NotImplementedError),
     *(RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error),
@@ -79,8 +79,9 @@ def load_arrays(path: Path, case: str) -> dict[str, FloatArray]:
             raise ModelFileError(f"model file {path}: {name} holds no numbers")
         if not np.isfinite(values).all():
             raise ModelFileError(f"model file {path}: {name} holds a number that is not finite")
-        if (np.abs(values) > LARGEST).any():
-            raise ModelFileError(f"model file {path}: {name} holds a number beyond {LARGEST:g}, which no driving has")
+        size = np.abs(values[values != 0])
+        if (size > LARGEST).any() or (size < LEAST).any():
+            raise ModelFileError(f"model file {path}: {name} holds a number that no driving has (byte order?)")
     return {name: values.astype(np.float64) for name, values in arrays.items()}
 
 

@@ -36,7 +36,7 @@ def nested() -> object:
 @pytest.mark.parametrize(
     ("work", "told"),
     [
-        (lambda: np.ones(10**9), "needs more than 1.5 GB of memory"),
+        (lambda: np.ones(10**9), "needs more than 1.25 GB of memory"),
         (lambda: ctypes.string_at(0), "crashed over it (SIGSEGV)"),
         (os.abort, "crashed over it (SIGABRT)"),
         (lambda: os._exit(0), "crashed over it (exit code 0)"),
@@ -54,6 +54,15 @@ def test_every_end_of_a_fork_is_one_line_that_names_what_was_read(work, told):
     assert str(error.value).startswith("`net`: file.xml: ")
     assert told in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_signs_of_life_give_no_more_time():
+    def work(send):
+        while True:
+            send(None)
+
+    with pytest.raises(InputError, match="took more than 1 s"):
+        next(streamed(work, "file", SHORT))
 
 
 def test_what_sleeps_for_ever_is_ended_too():

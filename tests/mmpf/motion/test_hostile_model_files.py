@@ -61,13 +61,14 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
 @pytest.mark.parametrize(
     ("name", "change", "words"),
     [
-        ("following.output_scale", 1e300, "beyond 1e"),
+        ("following.output_scale", 1e300, "no driving has"),
         ("following.input_low", 1e4, "input_low is above"),
         ("following.output_scale", -1.0, "not positive"),
         ("spread", -1.0, "below 0"),
         ("free", -1.0, "below 0"),
         ("lateral", -1.0, "below 0"),
         ("intention", -1.0, "below 0"),
+        ("spread", 1e-300, "byte order"),
     ],
 )
 def test_numbers_that_no_driving_has_are_refused(name, change, words, tmp_path):
