@@ -69,12 +69,14 @@ def merge_lasting_overlaps(
     track_id, confirmed = components.track_id.copy(), components.confirmed.copy()
     for a in np.flatnonzero(overlap_s > options.after_s):
         b = nearest[a]
-        if not (keep[a] and keep[b]):
+        # One of three may have got another's identity just now. Whether a confirmed third is the same vehicle is judged
+        # in the next scan.
+        if not (keep[a] and keep[b]) or (confirmed[a] and confirmed[b] and not both[a, b]):
             continue
-        elder = min((a, b), key=lambda m: (not components.confirmed[m], components.track_id[m]))
+        elder = min((a, b), key=lambda m: (not confirmed[m], track_id[m]))
         better = min((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
         worse = a if better == b else b
-        track_id[better], confirmed[better] = components.track_id[elder], components.confirmed[elder]
+        track_id[better], confirmed[better] = track_id[elder], confirmed[elder]
         keep[worse] = False
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
     updated = replace(components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_s=overlap_s)

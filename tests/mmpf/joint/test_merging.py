@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -51,6 +52,23 @@ def merged_after(mixture: Mixture, scans: int, dt_s: float = 0.1) -> Mixture:
         mixture, keep = merge_lasting_overlaps(mixture, component_moments(mixture), alive, OPTIONS, 0.25, dt_s)
         mixture = mixture.keep(keep)
     return mixture
+
+
+@pytest.mark.parametrize("hits", list(permutations((40, 20, 5))))
+@pytest.mark.parametrize("reported", [[ELDER], [ELDER, 9]])
+def test_of_three_in_one_place_the_names_that_were_reported_stay(
+    hits: tuple[int, int, int], reported: list[int]
+) -> None:
+    """The elder is hidden, so that it is not the third if that was reported too."""
+    two, other = (elder_and_younger(apart_m, (True, False), (0.5, 0.0)) for apart_m in (0.4, 0.8))
+    third = other.keep(np.array([False, True]))
+    three = two.keep_and_join(np.ones(2, bool), third.cloud, replace(third.components, track_id=np.array([9])))
+    confirmed = np.isin(three.components.track_id, reported)
+    merged = merged_after(
+        replace(three, components=replace(three.components, hits=np.array(hits), confirmed=confirmed)), 4
+    )
+    assert sorted(merged.components.track_id) == reported
+    assert merged.components.confirmed.all()
 
 
 @pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 0.0), (0.0, 1.5)])
