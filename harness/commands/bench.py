@@ -19,7 +19,7 @@ class Options(TypedDict):
     trackers: Annotated[
         str | None,
         Option(
-            "Trackers, separated by commas: mmpf:MODEL, stonesoup-gnn, stonesoup-gnn:coarse, ... "
+            "Trackers, separated by commas: mmpf:MODEL, stonesoup-gnn, ... "
             "(default: mmpf with residual, gmm and cvm, and Stone Soup's; with --against mmpf:residual)"
         ),
     ]

@@ -30,7 +30,7 @@ from mmpf.registry import UnknownNameError
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import TENTATIVE
 
-STONE_SOUP = ("stonesoup-gnn", "stonesoup-jpda", "stonesoup-gnn:coarse", "stonesoup-jpda:coarse")
+STONE_SOUP = ("stonesoup-gnn", "stonesoup-jpda")
 WARM_UP_STEPS, SETTLING_STEPS, SOONEST_STEPS, FEWEST_STEPS = 8, 20, 5, 3
 LANES, SPACING_M, JITTER_M, SPEED_MPS = 5, 22.0, 4.0, 15.0
 STD_LON_M, STD_LAT_M = 0.3, 0.2
@@ -134,10 +134,6 @@ def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTr
     if tracker == "mmpf":
         name, of_mmpf = tracker, (variant or "residual", particles)
         options = {"model": variant or "residual", "particles": particles}
-    elif tracker.startswith("stonesoup"):
-        if variant not in ("", "coarse"):
-            raise InputError(f"`trackers` {name}: give {tracker} as it ships, or {tracker}:coarse")
-        options = {"coarse_gate": True} if variant else {}
     else:
         tracker = name
     try:

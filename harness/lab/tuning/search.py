@@ -31,7 +31,6 @@ from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.config.model import RunConfig, SensorConfig
 from harness.lab.tuning.spaces import (
-    ALWAYS,
     DEFAULTS_IN_CODE,
     SEARCH_SPACES,
     Options,
@@ -116,7 +115,7 @@ def _snapshots(recording: RecordedSnapshots) -> SnapshotStream:
 
 def follow(tracker: str, options: Options, recording: RecordedSnapshots) -> Scores:
     """Return the scores of a tracker with given options, dotted keys with values, whatever its tuned ones are."""
-    build = partial(build_tracker, tracker, options=_chosen(tracker, options), tuned=False)
+    build = partial(build_tracker, tracker, options=nested(options), tuned=False)
     metrics = evaluate(_snapshots(recording), build, recording.seed).scores
     found = {name: metrics.get(group, {}).get(key) for name, (group, key) in SCORES.items()}
     return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
@@ -125,14 +124,10 @@ def follow(tracker: str, options: Options, recording: RecordedSnapshots) -> Scor
 def refusal(tracker: str, options: Options) -> str:
     """Return which conformance checks a tracker of given options fails and how, or nothing."""
     try:
-        check_tracker(partial(build_tracker, tracker, tuned=False), _chosen(tracker, options))
+        check_tracker(partial(build_tracker, tracker, tuned=False), nested(options))
     except TrackerCheckError as finding:
         return "; ".join(str(finding).splitlines())
     return ""
-
-
-def _chosen(tracker: str, options: Options) -> Options:
-    return nested({**ALWAYS.get(tracker, {}), **options})
 
 
 def mean_of(several: Sequence[Scores]) -> Scores:

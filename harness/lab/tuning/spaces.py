@@ -139,9 +139,6 @@ SEARCH_SPACES: dict[str, Space] = {
     "oracle-kalman": {**_MOTION, "longest_unseen_s": _ratio(2.0, 20.0), "confirm_detections": _whole(1, 8)},
 }
 
-ALWAYS: dict[str, Options] = {name: {"coarse_gate": True} for name in SEARCH_SPACES if name.startswith("stonesoup")}
-"""Options that save the search time and change no tracks, or only their random draws."""
-
 DEFAULTS_IN_CODE = frozenset({"mmpf"})
 """Trackers whose tuned settings are their defaults themselves: ``tuned.toml`` only tells how they were found."""
 

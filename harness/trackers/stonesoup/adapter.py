@@ -14,7 +14,7 @@ from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
 from stonesoup.types.track import Track
 
-from harness.trackers.stonesoup.options import KalmanOptions
+from harness.trackers.kalman import tracks_of
 from harness.trackers.stonesoup.parts import (
     BeyondRangeDeleter,
     DetectionMaker,
@@ -24,6 +24,7 @@ from harness.trackers.stonesoup.parts import (
     to_seconds,
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher, LastSightings
+from harness.trackers.track_options import TrackOptions
 from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import Scan, check_scan
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
@@ -37,7 +38,7 @@ class StoneSoupTracker:
     def __init__(
         self,
         assembly: Assembly,
-        options: KalmanOptions,
+        options: TrackOptions,
         clutter_density_per_m2: float,
         stitcher: IdentityStitcher | None = None,
     ) -> None:
@@ -51,11 +52,9 @@ class StoneSoupTracker:
         """
         self._assembly = assembly
         self._options = options
-        self._layout = options.layout
         self._clutter_density_per_m2 = clutter_density_per_m2
         self._stitcher = stitcher
-        measured = self._layout.lon, self._layout.lat, self._layout.speed
-        self._detections = DetectionMaker(self._layout.size, measured, options.noise_factor)
+        self._detections = DetectionMaker(options.noise_factor)
         self._first_seen_s: dict[int, float] = {}
         self._time_s: float | None = None
 
@@ -75,7 +74,7 @@ class StoneSoupTracker:
 
     def _follow_ego(self, scan: Scan) -> None:
         assembly = self._assembly
-        assembly.initiator.expect_speed(self._layout.speed, scan.ego.speed_mps)
+        assembly.initiator.expect_speed(scan.ego.speed_mps)
         assembly.range_deleter.ego_lon_m = scan.ego.lon_m
         assembly.range_deleter.ego_lat_m = scan.ego.lat_m
         with_speed = bool(np.isfinite(scan.detections.speed_mps).all()) and len(scan.detections) > 0
@@ -106,24 +105,11 @@ class StoneSoupTracker:
     def _to_tracks(self, living: list[Track], unseen_s: FloatArray) -> Tracks:
         if not living:
             return Tracks.none()
-        layout = self._layout
         mean = np.array([np.asarray(track.state.mean, dtype=float).ravel() for track in living])
         covariance = np.array([np.asarray(track.state.covar, dtype=float) for track in living])
         std = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-12))
-        hidden = unseen_s > self._options.hidden_after_s
-        return Tracks(
-            track_id=np.array([track.id for track in living], dtype=np.int64),
-            lon_m=mean[:, layout.lon],
-            lat_m=mean[:, layout.lat],
-            speed_mps=mean[:, layout.speed],
-            lat_speed_mps=mean[:, layout.lat_speed],
-            accel_mps2=np.zeros(len(living)) if layout.accel is None else mean[:, layout.accel],
-            std_lon_m=std[:, layout.lon],
-            std_lat_m=std[:, layout.lat],
-            std_speed_mps=std[:, layout.speed],
-            existence=np.ones(len(living)),
-            state=np.where(hidden, HIDDEN, CONFIRMED).astype(np.int8),
-        )
+        state = np.where(unseen_s > self._options.hidden_after_s, HIDDEN, CONFIRMED).astype(np.int8)
+        return tracks_of(np.array([track.id for track in living], dtype=np.int64), mean, std, state)
 
 
 @dataclass(frozen=True)

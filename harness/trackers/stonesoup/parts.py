@@ -23,12 +23,13 @@ from stonesoup.types.state import GaussianState
 from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
+from harness.trackers.kalman import LAT, LON, SPEED
 from mmpf.numerics.arrays import IntArray
 from mmpf.scan import Detections
 
+STATE_SIZE = 4
 _NOISE_STEP = 1.1
 _MEASURED = "measured values with their standard deviations"
-_COARSE_MARGIN = 1.5
 _EPOCH = datetime(2000, 1, 1)
 
 
@@ -50,11 +51,8 @@ class DetectionMaker:
     are rounded to tenths.
     """
 
-    def __init__(self, state_size: int, mapping: tuple[int, int, int], noise_factor: float = 1.0) -> None:
-        """Remember which rows of the state are the longitudinal and lateral position and the speed along the road."""
+    def __init__(self, noise_factor: float = 1.0) -> None:
         self._noise_factor = noise_factor
-        self._state_size = state_size
-        self._mapping = mapping
         self._models: dict[tuple[tuple[float, ...], float], LinearGaussian] = {}
 
     def make(self, detections: Detections, moment: datetime) -> OrderedSet[Detection]:
@@ -90,8 +88,8 @@ class DetectionMaker:
             covariance = np.diag(np.square(stds))
             covariance[0, 1] = covariance[1, 0] = correlation * stds[0] * stds[1]
             self._models[key] = LinearGaussian(
-                ndim_state=self._state_size,
-                mapping=self._mapping[: len(stds)],
+                ndim_state=STATE_SIZE,
+                mapping=(LON, LAT, SPEED)[: len(stds)],
                 noise_covar=covariance,
             )
         return self._models[key]
@@ -104,41 +102,10 @@ def _tenths(detections: Detections, k: int) -> float:
     return float(np.clip(round(10.0 * detections.correlation[k]) / 10.0, -0.9, 0.9))
 
 
-class CoarselyGated(Hypothesiser):
-    """Shows the hypothesiser inside only those detections that may lie in its gate.
-
-    A detection whose Mahalanobis distance is within the gate is so in each coordinate too; the rest, which the gate
-    would throw out after long computation, is left out before it.
-    """
-
-    hypothesiser: Hypothesiser = Property(doc="What makes the hypotheses.")
-    mapping: tuple[int, int, int] = Property(doc="State rows of what is measured.")
-    gate_std: float = Property(doc="Width of the gate in standard deviations.")
-
-    def hypothesise(
-        self, track: Track, detections: Iterable[Detection], timestamp: datetime, **kwargs: object
-    ) -> MultipleHypothesis:
-        """Return the hypotheses of one track."""
-        prediction = self.hypothesiser.predictor.predict(track, timestamp=timestamp)
-        mean = np.asarray(prediction.mean, dtype=float).ravel()
-        variance = np.diagonal(np.asarray(prediction.covar, dtype=float))
-        centre = [(float(mean[row]), float(variance[row])) for row in self.mapping]
-        near = OrderedSet(detection for detection in detections if self._may_lie_in_gate(detection, centre))
-        return self.hypothesiser.hypothesise(track, near, timestamp, **kwargs)
-
-    def _may_lie_in_gate(self, detection: Detection, centre: list[tuple[float, float]]) -> bool:
-        reach = _COARSE_MARGIN * self.gate_std
-        return all(
-            abs(value - mean) <= reach * math.sqrt(variance + std**2)
-            for (value, std), (mean, variance) in zip(detection.metadata[_MEASURED], centre, strict=False)
-        )
-
-
 class WithinReach(Hypothesiser):
     """Shows the hypothesiser inside only those detections that are near a track's place, however uncertain it is."""
 
     hypothesiser: Hypothesiser = Property(doc="What makes the hypotheses.")
-    mapping: tuple[int, int] = Property(doc="State rows of the longitudinal and the lateral position.")
     reach_m: tuple[float, float] = Property(doc="Largest distance along the road and across it.")
 
     def hypothesise(
@@ -147,7 +114,7 @@ class WithinReach(Hypothesiser):
         """Return the hypotheses of one track."""
         prediction = self.hypothesiser.predictor.predict(track, timestamp=timestamp)
         mean = np.asarray(prediction.mean, dtype=float).ravel()
-        place = [(float(mean[row]), reach) for row, reach in zip(self.mapping, self.reach_m, strict=True)]
+        place = [(float(mean[row]), reach) for row, reach in zip((LON, LAT), self.reach_m, strict=True)]
         near = OrderedSet(
             detection
             for detection in detections
@@ -166,11 +133,11 @@ class NumberedInitiator(SimpleMeasurementInitiator):
         super().__init__(*args, **kwargs)
         self._next_number = 1
 
-    def expect_speed(self, row: int, speed_mps: float) -> None:
+    def expect_speed(self, speed_mps: float) -> None:
         """Set the mean speed of new tracks whose speed is not measured."""
         prior: GaussianState = self.prior_state
         mean = prior.state_vector.copy()
-        mean[row] = speed_mps
+        mean[SPEED] = speed_mps
         self.prior_state: GaussianState = GaussianState(mean, prior.covar)
 
     def initiate(self, detections: Iterable[Detection], timestamp: datetime, **kwargs: object) -> OrderedSet[Track]:
@@ -200,7 +167,6 @@ class OrderedMultiMeasurementInitiator(MultiMeasurementInitiator):
 class BeyondRangeDeleter(Deleter):
     """Deletes tracks that have left the sensor's range."""
 
-    mapping: tuple[int, int] = Property(doc="State rows of the longitudinal and the lateral position.")
     limit_m: float = Property(doc="Distance from the ego beyond which a track ends.")
     ego_lon_m: float = Property(default=0.0, doc="Where the ego is now.")
     ego_lat_m: float = Property(default=0.0, doc="Where the ego is now.")
@@ -208,7 +174,7 @@ class BeyondRangeDeleter(Deleter):
     def check_for_deletion(self, track: Track, **_: object) -> bool:
         """Return whether the track's mean lies beyond the limit."""
         mean = np.asarray(track.state.mean).ravel()
-        distance = np.hypot(mean[self.mapping[0]] - self.ego_lon_m, mean[self.mapping[1]] - self.ego_lat_m)
+        distance = np.hypot(mean[LON] - self.ego_lon_m, mean[LAT] - self.ego_lat_m)
         return bool(distance > self.limit_m)
 
 

@@ -21,14 +21,12 @@ from stonesoup.deleter.base import Deleter
 from stonesoup.deleter.error import CovarianceBasedDeleter
 from stonesoup.deleter.multi import CompositeDeleter
 from stonesoup.deleter.time import UpdateTimeDeleter
-from stonesoup.hypothesiser.base import Hypothesiser
 from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.initiator.base import Initiator
 from stonesoup.measures import EuclideanWeighted, Mahalanobis
 from stonesoup.models.transition.linear import (
     CombinedLinearGaussianTransitionModel,
-    ConstantAcceleration,
     ConstantVelocity,
 )
 from stonesoup.predictor import Predictor
@@ -40,24 +38,20 @@ from stonesoup.updater import Updater
 from stonesoup.updater.kalman import KalmanUpdater
 
 from harness.trackers.doubtful import as_reported
+from harness.trackers.kalman import LAT_SPEED, LON, SPEED
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
-from harness.trackers.stonesoup.options import (
-    ImmortalOptions,
-    JpdaOptions,
-    KalmanOptions,
-    StitchedJpdaOptions,
-    StoneSoupOptions,
-)
+from harness.trackers.stonesoup.options import ImmortalOptions, JpdaOptions, StitchedJpdaOptions, StoneSoupOptions
 from harness.trackers.stonesoup.parts import (
+    STATE_SIZE,
     BeyondRangeDeleter,
-    CoarselyGated,
     NumberedInitiator,
     OrderedMultiMeasurementInitiator,
     WithinReach,
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher
+from harness.trackers.track_options import TrackOptions
 
 
 def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
@@ -91,13 +85,13 @@ def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> Tr
         if chosen.association == "distance"
         else DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=chosen.gate_std)
     )
-    associator = GNNWith2DAssignment(WithinReach(hypothesiser, (chosen.layout.lon, chosen.layout.lat), reach_m))
+    associator = GNNWith2DAssignment(WithinReach(hypothesiser, reach_m))
     initiators = _initiators(chosen, predictor, updater)
     assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
     return _in_frame(setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
 
 
-_Options = TypeVar("_Options", bound=KalmanOptions)
+_Options = TypeVar("_Options", bound=TrackOptions)
 
 
 def _chosen(kind: type[_Options], setting: TrackerSetting, options: Mapping[str, object]) -> _Options:
@@ -108,15 +102,13 @@ def _chosen(kind: type[_Options], setting: TrackerSetting, options: Mapping[str,
     alike: dict[str, object] = {
         "lat_noise": chosen.lon_noise,
         "birth_lat_speed_std_mps": chosen.birth_speed_std_mps,
-        # Acceleration is along x alone, which is no vehicle's direction.
-        "motion": "cv",
     }
     if isinstance(chosen, ImmortalOptions):
         alike["gate_lat_m"] = chosen.gate_lon_m
     return chosen.model_copy(update=alike)
 
 
-def _in_frame(setting: TrackerSetting, options: KalmanOptions, tracker: StoneSoupTracker) -> Tracker:
+def _in_frame(setting: TrackerSetting, options: TrackOptions, tracker: StoneSoupTracker) -> Tracker:
     return as_reported(tracker, setting, options.doubtful)
 
 
@@ -138,7 +130,7 @@ def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitc
         prob_gate=float(chi2.cdf(options.gate_std**2, 2)),
     )
     initiators = _initiators(options, predictor, updater)
-    associator = JPDAwithEHM2(_coarsely_gated(options, hypothesiser))
+    associator = JPDAwithEHM2(hypothesiser)
     assembly = _assembly(MultiTargetMixtureTracker, options, setting, initiators, associator, updater)
     assembly = replace(assembly, hypothesisers=(hypothesiser,))
     return _in_frame(setting, options, StoneSoupTracker(assembly, options, clutter, stitcher=stitcher))
@@ -146,19 +138,18 @@ def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitc
 
 def _assembly(
     kind: type[MultiTargetTracker | MultiTargetMixtureTracker],
-    options: KalmanOptions,
+    options: TrackOptions,
     setting: TrackerSetting,
     initiators: tuple[NumberedInitiator, Initiator],
     associator: DataAssociator,
     updater: Updater,
 ) -> Assembly:
     """Put a tracker together; of the initiators the first begins tracks, the second holds them until confirmed."""
-    layout = options.layout
-    range_deleter = BeyondRangeDeleter((layout.lon, layout.lat), setting.sensor.range_m + options.range_margin_m)
+    range_deleter = BeyondRangeDeleter(setting.sensor.range_m + options.range_margin_m)
     deleters: list[Deleter] = [range_deleter]
     if isinstance(options, StoneSoupOptions):
         unseen = UpdateTimeDeleter(timedelta(seconds=options.longest_unseen_s))
-        deleters = [unseen, CovarianceBasedDeleter(options.largest_std_lon_m**2, mapping=[layout.lon]), range_deleter]
+        deleters = [unseen, CovarianceBasedDeleter(options.largest_std_lon_m**2, mapping=[LON]), range_deleter]
     tracker = kind(
         initiator=initiators[1],
         deleter=CompositeDeleter(deleters, intersect=False),
@@ -171,34 +162,22 @@ def _assembly(
     return Assembly(tracker, initiators[0], range_deleter)
 
 
-def _kalman(options: KalmanOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
-    longitudinal = {"cv": ConstantVelocity, "ca": ConstantAcceleration}[options.motion]
-    axes = [longitudinal(options.lon_noise), ConstantVelocity(options.lat_noise)]
+def _kalman(options: TrackOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
+    axes = [ConstantVelocity(options.lon_noise), ConstantVelocity(options.lat_noise)]
     return KalmanPredictor(CombinedLinearGaussianTransitionModel(axes)), KalmanUpdater(measurement_model=None)
 
 
-def _nearest_neighbour(options: KalmanOptions, predictor: Predictor, updater: Updater) -> GNNWith2DAssignment:
+def _nearest_neighbour(options: TrackOptions, predictor: Predictor, updater: Updater) -> GNNWith2DAssignment:
     hypothesiser = DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=options.gate_std)
-    return GNNWith2DAssignment(_coarsely_gated(options, hypothesiser))
-
-
-def _coarsely_gated(options: KalmanOptions, hypothesiser: Hypothesiser) -> Hypothesiser:
-    layout = options.layout
-    if not options.coarse_gate:
-        return hypothesiser
-    return CoarselyGated(hypothesiser, (layout.lon, layout.lat, layout.speed), options.gate_std)
+    return GNNWith2DAssignment(hypothesiser)
 
 
 def _initiators(
-    options: KalmanOptions, predictor: KalmanPredictor, updater: KalmanUpdater
+    options: TrackOptions, predictor: KalmanPredictor, updater: KalmanUpdater
 ) -> tuple[NumberedInitiator, OrderedMultiMeasurementInitiator]:
-    layout = options.layout
-    std = np.ones(layout.size)
-    std[layout.speed] = options.birth_speed_std_mps
-    std[layout.lat_speed] = options.birth_lat_speed_std_mps
-    if layout.accel is not None:
-        std[layout.accel] = options.birth_accel_std_mps2
-    prior = GaussianState(StateVector(np.zeros(layout.size)), np.diag(std**2))
+    std = np.ones(STATE_SIZE)
+    std[SPEED], std[LAT_SPEED] = options.birth_speed_std_mps, options.birth_lat_speed_std_mps
+    prior = GaussianState(StateVector(np.zeros(STATE_SIZE)), np.diag(std**2))
     single = NumberedInitiator(prior)
     held = OrderedMultiMeasurementInitiator(
         prior_state=prior,
