@@ -13,12 +13,15 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file
 from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
 from mmpf.map.road import Road
+from mmpf.numerics.arrays import FloatArray
 
+AGAIN = "make the run again"
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
@@ -98,41 +101,30 @@ def check_kinds(table: pd.DataFrame, columns: Iterable[Column], place: str) -> N
     """
     for column in columns:
         values = table[column.name]
-        place_of_column = f"{place}: {column.name}"
         if values.notna().any() and pd.api.types.is_numeric_dtype(values) == column.is_text:
             wanted = "texts" if column.is_text else "numbers"
-            raise InputError(f"{place_of_column} holds no {wanted}; make the run again")
+            raise InputError(f"{place}: {column.name} holds no {wanted}; {AGAIN}")
         unknown = sorted(set(map(str, values.unique())) - set(column.words)) if column.words else []
         if unknown:
             known = ", ".join(filter(None, column.words))
-            raise InputError(f"{place_of_column} holds {unknown[0][:40]!r}; there are {known}")
-        if column.below is None:
-            continue
-        # What is not finite is not below anything.
-        numbers = values.to_numpy(dtype=np.float64)
-        if not (np.abs(numbers) < column.below).all() or (column.positive and not (numbers > 0.0).all()):
-            raise InputError(f"{place_of_column} holds a number that none can be; make the run again")
+            raise InputError(f"{place}: {column.name} holds {unknown[0][:40]!r}; there are {known}")
+        if column.numbers is not None:
+            # A column of no row has any type.
+            numbers: dict[str, FloatArray] = {column.name: values.to_numpy(dtype=np.float64)}
+            check_numbers(place, numbers, {column.name: column.numbers}, fix=AGAIN)
 
 
 def check_truth(truth: pd.DataFrame, road: Road, place: str) -> None:
     """Refuse a truth that no run on a road writes.
 
     Raises:
-        InputError: It lacks steps, or holds lanes that the road has not, or fractions above 1.
+        InputError: It lacks steps, or holds lanes that the road has not.
     """
     steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
     most = max((lane.number for lane in road.lanes), default=sum(1 for _ in road.lines()))
-    fractions = [name for name in ("visible_fraction", "wall_fraction") if name in truth]
-    faults = {
-        "lacks steps": bool((np.diff(steps) > 1).any()),
-        "names a lane that the road has not": not truth["lane"].between(0, most).all(),
-        "holds a visible fraction that is not one of 0 to 1": not all(
-            truth[name].between(0, 1).all() for name in fractions
-        ),
-    }
-    for told, holds in faults.items():
-        if holds:
-            raise InputError(f"{place} {told}; make the run again")
+    if (np.diff(steps) > 1).any():
+        raise InputError(f"{place} lacks steps; {AGAIN}")
+    check_numbers(place, truth, {"lane": Numbers(0, most)}, fix=AGAIN)
 
 
 def rows_of(folder: Path) -> dict[str, int]:

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from harness.common.bounds import Numbers
+from harness.storage.schema import PLACE
 from mmpf.map.control import LinkControl
 from mmpf.map.lane_graph import LaneGraph
-from mmpf.map.limits import FARTHEST_M, MOST_POINTS, graph_problem
+from mmpf.map.limits import MOST_POINTS, graph_problem
 from mmpf.numerics.arrays import FloatArray
 
 CONTROL_INTEGERS = ("kind", "signal", "foe", "first_foe")
@@ -69,8 +71,8 @@ def walls_of(rows: Sequence[Sequence[float]]) -> FloatArray:
         ValueError: They are none, or too many or too far away.
     """
     walls = np.array(rows, dtype=np.float64).reshape(-1, 4)
-    if len(walls) > MOST_POINTS or not (np.abs(walls) <= FARTHEST_M).all():
-        raise ValueError(f"its walls are more than {MOST_POINTS}, or beyond {FARTHEST_M:g} m")
+    Numbers(0, MOST_POINTS).check("the count of its walls", len(walls))
+    PLACE.check("a wall", walls)
     return walls
 
 

@@ -18,19 +18,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.common.bounds import Numbers, check_columns
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file, read_json, read_text
 from harness.storage import ownership
-from harness.storage.checks import Until, check_kinds, read_parquet
+from harness.storage.checks import AGAIN, Until, check_kinds, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.manifest import manifest_of
-from harness.storage.schema import TABLES, Table
+from harness.storage.schema import PLACE, TABLES, Table
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
-from mmpf.map.limits import FARTHEST_M, lanes_problem
+from mmpf.map.limits import lanes_problem
 from mmpf.map.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
@@ -48,7 +49,6 @@ FIGURES = "figures"
 COMPLETE, INTERRUPTED, FAILED = "complete", "interrupted", "failed"
 DEFAULT_PARENT = Path("results")
 INCOMPLETE_SUFFIX = ".incomplete"
-MOST_POINTS = 100_000
 
 
 @dataclass(frozen=True)
@@ -229,9 +229,7 @@ def read_table(
     rows = manifest_of(folder).get("rows")
     table = read_parquet(path, parameter, until, rows.get(name) if isinstance(rows, dict) else None)
     known = TABLES.get(name, Table("", ()))
-    missing = [column for column in (known.needed if columns is None else columns) if column not in table]
-    if missing:
-        raise InputError(f"`{parameter}`: {path} lacks the columns {', '.join(missing)}; make the run again")
+    check_columns(f"`{parameter}`: {path}", table.columns, known.needed if columns is None else columns, AGAIN)
     checked = [column.name for column in known.columns if column.name in table] if columns is None else columns
     check_kinds(table, map(known.of, checked), f"`{parameter}`: {path}")
     if known.in_order and "step" in checked and (np.diff(table["step"].to_numpy(dtype=np.float64)) < 0.0).any():
@@ -296,13 +294,11 @@ def _road(path: Path, parameter: str) -> Road:
 def _check_frame(road: CorridorRoad) -> None:
     """Refuse, with a ValueError, a road without drivable lanes."""
     points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
-    if not 2 <= len(points) <= MOST_POINTS or not (np.abs(points) <= FARTHEST_M).all():
-        raise ValueError("its reference line needs two points or more in metres")
-    if (np.hypot(*np.diff(points, axis=0).T) <= 0.0).any():
-        raise ValueError("its reference line has a point twice")
-    ends = (*road.section_m, road.reference_start_m)
-    if not all(abs(value) <= FARTHEST_M for value in ends) or road.section_m[0] >= road.section_m[1]:
-        raise ValueError("its section is empty or not finite")
+    Numbers(2, 100_000).check("the count of points of its reference line", len(points))
+    PLACE.check("its reference line", points)
+    Numbers(1e-9).check("the way between two points of its reference line", np.hypot(*np.diff(points, axis=0).T))
+    PLACE.check("its begin", road.reference_start_m)
+    Numbers(PLACE.least, PLACE.most, rising=True).check("its section", road.section_m)
 
 
 def _first_free(path: Path) -> Path:

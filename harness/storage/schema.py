@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
+from harness.common.bounds import Numbers
 from mmpf.options.base import UNITS_BY_ENDING
 from mmpf.scan import VEHICLE_CLASSES
 
@@ -42,8 +43,7 @@ class Column:
         absent: What it means that a table lacks the column; empty where every table has it.
         trackers: Whether trackers get it, or made it; everything else is for scoring alone.
         words: What a text is one of, in the order of its codes; empty for any text.
-        below: What its numbers stay below, with no gap among them; None where there may be gaps.
-        positive: Whether its numbers are above zero.
+        numbers: What its numbers may be; None of texts, and where gaps are usual.
     """
 
     type: str
@@ -53,8 +53,7 @@ class Column:
     absent: str = ""
     trackers: bool = False
     words: tuple[str, ...] = ()
-    below: float | None = None
-    positive: bool = False
+    numbers: Numbers | None = None
 
     @property
     def is_text(self) -> bool:
@@ -86,14 +85,16 @@ def _number(name: str, meaning: str, unit: str | None = None, **more: object) ->
     return replace(Column("float64", name, meaning, by_name if unit is None else unit), **more)  # type: ignore[arg-type]
 
 
+SHARE, SIZE, TURN = Numbers(0.0, 1.0), Numbers(1e-6, 100.0), Numbers(-1e3, 1e3)
+COUNT, PLACE = Numbers(-1e9, 1e9), Numbers(-1e8, 1e8)
 _whole, _flag, _text = (partial(Column, kind) for kind in ("int64", "bool", "string"))
 
-STEP = _whole("step", "number of the step, from 0", below=1e9)
-TIME = _number("time_s", "time since the first step", below=1e9)
-EPISODE = _whole("episode", "number of the ego's stay; identities never connect across episodes", below=1e9)
+STEP = _whole("step", "number of the step, from 0", numbers=COUNT)
+TIME = _number("time_s", "time since the first step", numbers=COUNT)
+EPISODE = _whole("episode", "number of the ego's stay; identities never connect across episodes", numbers=COUNT)
 WHEN = (STEP, TIME, EPISODE)
-LON = _number("lon_m", "longitudinal position of the centre; in the plane, x", below=1e8)
-LAT = _number("lat_m", "lateral position of the centre, positive to the left; in the plane, y", below=1e8)
+LON = _number("lon_m", "longitudinal position of the centre; in the plane, x", numbers=PLACE)
+LAT = _number("lat_m", "lateral position of the centre, positive to the left; in the plane, y", numbers=PLACE)
 LON_SPEED = _number("speed_mps", "longitudinal speed")
 LAT_SPEED = _number("lat_speed_mps", "lateral speed, positive to the left")
 ACCEL = _number("accel_mps2", "longitudinal acceleration")
@@ -103,7 +104,7 @@ STDS = (
     _number("std_speed_mps", "standard deviation of `speed_mps`, likewise"),
 )
 VEHICLE = _text("vehicle_id", "name of the vehicle, as its source calls it")
-TRACK = _whole("track_id", "identity of the track, never used again", below=2.0**53)
+TRACK = _whole("track_id", "identity of the track, never used again", numbers=Numbers(-(2.0**53), 2.0**53))
 OR_NONE = replace(TRACK, meaning="identity of the track, -1 for none")
 STATE = _text("state", "how much of the vehicle the sensor sees", words=VISIBILITY_STATES)
 NO_SIZES = "the sensor measures no sizes"
@@ -137,14 +138,14 @@ TABLES: dict[str, Table] = {
         "A row for each vehicle and step. A tracker gets the ego's pose, and no more of it.",
         (
             *WHEN, VEHICLE, LON, LAT,
-            _number("heading_rad", "heading against the road's direction, positive to the left", below=1e3),
+            _number("heading_rad", "heading against the road's direction, positive to the left", numbers=TURN),
             LON_SPEED, LAT_SPEED, ACCEL,
             _whole("lane", "lane number; 0 off the road"),
-            _number("length_m", "length", below=100.0, positive=True),
-            _number("width_m", "width", below=100.0, positive=True),
+            _number("length_m", "length", numbers=SIZE),
+            _number("width_m", "width", numbers=SIZE),
             _flag("is_ego", "whether it is the vehicle with the sensor; one in every step"),
             _flag("in_range", "whether its centre is within the sensor's range"),
-            _number("visible_fraction", "share of it that the sensor can see, 0 to 1; 1 of the ego"),
+            _number("visible_fraction", "share of it that the sensor can see, 0 to 1; 1 of the ego", numbers=SHARE),
             STATE,
             _text("occluder_id", "vehicle that covers most of it; empty where none does"),
             _number("window_start_m", "where the part of the road begins that is on record", absent=WHOLE_ROAD),
@@ -156,7 +157,8 @@ TABLES: dict[str, Table] = {
             _text("vehicle_class", "class of the vehicle", absent="no detection has one", words=VEHICLE_CLASSES),
             _number("pseudo_hidden_s", "length of the time for which its detections are withheld, 0 if they are not",
                     absent="no vehicle is hidden on purpose"),
-            _number("wall_fraction", "share of it that walls hide, 0 to 1", absent="the road has no walls"),
+            _number("wall_fraction", "share of it that walls hide, 0 to 1", absent="the road has no walls",
+                    numbers=SHARE),
             _text("signals", "a letter for each signal of the road, `1` open and `0` closed; trackers are told them by "
                   "`tracker.knows_signals`", absent="there are none, or their states are not on record"),
         ),

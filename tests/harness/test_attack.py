@@ -319,9 +319,9 @@ INPUTS: dict[str, Input] = {
         lambda folder: os.truncate(scene(folder) / "metrics.json", 1 << 36) or ["compare", "scene", "scene"], "scene"
     ),
     "one step of truth [rf14]": run_folder(truth(lambda rows: rows.assign(episode=rows.step)), "", "report", code=0),
-    "lane 99": run_folder(truth(lambda rows: rows.assign(lane=99)), "a lane", "run", *TRACKER, "--replay"),
+    "lane 99": run_folder(truth(lambda rows: rows.assign(lane=99)), "lane of row", "run", *TRACKER, "--replay"),
     "visible fraction 5": run_folder(
-        truth(lambda rows: rows.assign(visible_fraction=5.0)), "visible fraction", "report"
+        truth(lambda rows: rows.assign(visible_fraction=5.0)), "visible_fraction", "report"
     ),
     "every second step": run_folder(
         truth(lambda rows: rows[rows.step % 2 == 0]), "lacks steps", "run", *TRACKER, "--replay"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import tomllib
-from itertools import pairwise
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from harness.common.bounds import Numbers, row_number
 from harness.common.error_text import first_problem
 from harness.common.errors import InputError
 from harness.common.untrusted_files import read_text
@@ -17,12 +17,26 @@ from harness.truth.network.demand import Drivers
 from mmpf.options.base import WithoutTruthValues
 
 METADATA_FILE = "network.toml"
-# More than a lane can carry, and more than drivers differ.
+# More than a lane can carry.
 MOST_VEH_PER_H = 5000.0
 SHORTEST_SECTION_M = 50.0
-HEADWAY_FACTORS = (0.2, 5.0)
+Density = Annotated[float, Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])]
 
 _File = TypeVar("_File", bound=BaseModel)
+_Row = TypeVar("_Row", bound=tuple[float, ...])
+
+
+def _rising(rows: tuple[_Row, ...]) -> tuple[_Row, ...]:
+    """Return rows of which the first number rises.
+
+    Raises:
+        ValueError: It does not.
+    """
+    Numbers(rising=True).check("the first number", [row[0] for row in rows], row_number)
+    return rows
+
+
+Rising = Annotated[tuple[_Row, ...], Field(max_length=100_000), AfterValidator(_rising)]
 
 
 class DemandFile(WithoutTruthValues):
@@ -31,31 +45,14 @@ class DemandFile(WithoutTruthValues):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     description: str
-    density_veh_per_km_lane: float = Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])
+    density_veh_per_km_lane: Density
     on_ramp_veh_per_h: float | None = Field(default=None, ge=0.0, le=MOST_VEH_PER_H)
     off_ramp_veh_per_h: float | None = Field(default=None, ge=0.0, le=MOST_VEH_PER_H)
     wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
     exit_wave_amplitude: float | None = Field(default=None, ge=0.0, lt=1.0)
     wave_period_s: float | None = Field(default=None, ge=1.0, le=86_400.0)
-    schedule: tuple[tuple[float, float, float], ...] = Field(default=(), max_length=100_000)
-    headway_profile: tuple[tuple[float, float], ...] = Field(default=(), max_length=10_000)
-
-    @model_validator(mode="after")
-    def _schedule_can_be_driven(self) -> DemandFile:
-        times = [time_s for time_s, _, _ in self.schedule]
-        if any(later <= earlier for earlier, later in pairwise(times)) or any(time_s < 0.0 for time_s in times):
-            raise ValueError("schedule: its times must ascend from 0 on")
-        if not all(
-            DENSITY_RANGE[0] <= density <= DENSITY_RANGE[1] and 0.0 <= share <= 10.0
-            for _, density, share in self.schedule
-        ):
-            raise ValueError(f"schedule: densities are {DENSITY_RANGE[0]:g} to {DENSITY_RANGE[1]:g}, shares 0 to 10")
-        places = [place_m for place_m, _ in self.headway_profile]
-        if any(later <= earlier for earlier, later in pairwise(places)):
-            raise ValueError("headway_profile: its positions must ascend")
-        if not all(HEADWAY_FACTORS[0] <= factor <= HEADWAY_FACTORS[1] for _, factor in self.headway_profile):
-            raise ValueError(f"headway_profile: factors are {HEADWAY_FACTORS[0]:g} to {HEADWAY_FACTORS[1]:g}")
-        return self
+    schedule: Rising[tuple[Annotated[float, Field(ge=0.0)], Density, Annotated[float, Field(ge=0.0, le=10.0)]]] = ()
+    headway_profile: Rising[tuple[float, Annotated[float, Field(ge=0.2, le=5.0)]]] = ()
 
 
 class NetworkFile(WithoutTruthValues):
@@ -94,7 +91,7 @@ class PlaneDemandFile(WithoutTruthValues):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     description: str
-    density_veh_per_km_lane: float = Field(ge=DENSITY_RANGE[0], le=DENSITY_RANGE[1])
+    density_veh_per_km_lane: Density
 
 
 class PlaneNetworkFile(WithoutTruthValues):

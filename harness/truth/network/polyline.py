@@ -6,12 +6,28 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
+from harness.common.bounds import Numbers
 from mmpf.numerics.arrays import FloatArray
+
+POINT_M = Numbers(-1e7, 1e7)
 
 
 def length_of(line: FloatArray) -> float:
     """Return a line's length."""
     return float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+def checked_line(line: FloatArray, longest_m: float, what: str) -> FloatArray:
+    """Return a line that is one.
+
+    Raises:
+        ValueError: It has fewer than two points, no length or too much of it, or lies too far away.
+    """
+    if len(line) < 2:
+        raise ValueError(f"{what} needs two points or more")
+    POINT_M.check(f"a point of {what}", line)
+    Numbers(1e-9, longest_m).check(f"the length of {what}", length_of(line))
+    return line
 
 
 def at_shares(line: FloatArray, shares: FloatArray) -> FloatArray:

@@ -12,20 +12,19 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 
 import numpy as np
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number, unpacked
-from harness.truth.network.polyline import length_of
+from harness.truth.network.polyline import checked_line
 from harness.truth.recorded.laneletgraph import road_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet
-from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
 from harness.truth.recorded.rows import ReadTraffic, rows_in
 from mmpf.numerics.arrays import FloatArray
 
 ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
 VERSIONS = ("2018b", "2020a")
-SHORTEST_STEP_S, LONGEST_STEP_S = 1e-3, 10.0
-MOST_STEPS = 10_000_000
-LONGEST_LANELET_M = 1e5
+STEP = {"timeStepSize": Numbers(1e-3, 10.0)}
+TIMES = {"the time": Numbers(0, 10_000_000, whole=True, rising=True)}
 # Traffic signs, as countries number them: speed limits, and to give way or stop.
 LIMIT_SIGNS = frozenset({"274", "R2-1"})
 GIVE_WAY_SIGNS = frozenset({"205", "206", "R1-1", "R1-2"})
@@ -81,25 +80,11 @@ def read_commonroad(path: Path) -> ReadTraffic:
     ):
         if len(set(ids)) < len(ids):
             raise InputError(f"{path}: {what} {max(ids, key=ids.count)} is there twice; remove one")
-    for obstacle in scenario.obstacles:
-        if np.any(obstacle.states[:, 0] % 1.0):
-            raise InputError(f"{path}: a time of obstacle {obstacle.name} is not a whole number of steps; fix it")
-        if np.any(np.diff(obstacle.states[:, 0]) <= 0.0):
-            raise InputError(f"{path}: the time of obstacle {obstacle.name} goes back; put its states in order")
-    _check_times(scenario, path)
+    for obstacle in (*scenario.obstacles, *scenario.standing):
+        check_numbers(path, {"the time": obstacle.states[:, 0]}, TIMES, f"obstacle {obstacle.name}")
     last = max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
     standing = [_lasting(obstacle, last) for obstacle in scenario.standing]
     return _traffic(scenario, [*scenario.obstacles, *standing], path)
-
-
-def _check_times(scenario: _Scenario, path: Path) -> None:
-    """Refuse times so late that an obstacle that stands until then would fill the memory."""
-    for obstacle in (*scenario.obstacles, *scenario.standing):
-        if not np.all((obstacle.states[:, 0] >= 0.0) & (obstacle.states[:, 0] <= MOST_STEPS)):
-            raise InputError(f"{path}: a time of obstacle {obstacle.name} is not one of 0 to {MOST_STEPS} steps")
-    steps = 1 + max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
-    if steps * len(scenario.standing) > MOST_ROWS:
-        raise InputError(f"{path}: {len(scenario.standing)} obstacles stand for {steps:.0f} steps; cut it")
 
 
 def _collect(file: BinaryIO, path: Path, scenario: _Scenario) -> None:
@@ -109,10 +94,7 @@ def _collect(file: BinaryIO, path: Path, scenario: _Scenario) -> None:
         if event == "start" and depth == 1:
             _check_root(element, path)
             scenario.step_s = number(element.attrib["timeStepSize"])
-            if not SHORTEST_STEP_S <= scenario.step_s <= LONGEST_STEP_S:
-                raise InputError(
-                    f"{path}: timeStepSize is {scenario.step_s:g}; give {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s"
-                )
+            check_numbers(path, {"timeStepSize": scenario.step_s}, STEP, "")
         if event == "end" and depth == 1:
             _take(element, scenario)
             element.clear()
@@ -203,12 +185,7 @@ def _signed(scenario: _Scenario) -> list[Lanelet]:
 def _points(bound: Element | None) -> FloatArray:
     assert bound is not None
     points = np.array([(_number(point, "x"), _number(point, "y")) for point in bound.findall("point")])
-    if len(points) < 2 or not np.abs(points).max() <= FARTHEST_M:
-        raise ValueError(f"a lanelet's bound needs two points or more within {FARTHEST_M:g} m")
-    length_m = length_of(points)
-    if not 0.0 < length_m <= LONGEST_LANELET_M:
-        raise ValueError(f"a lanelet's bound is {length_m:g} m long; at most {LONGEST_LANELET_M:g} is believed")
-    return points
+    return checked_line(points, 1e5, "a lanelet's bound")
 
 
 def _obstacle(element: Element) -> _Obstacle:

@@ -6,27 +6,30 @@ direction 1 go towards smaller x on the upper lanes, those of direction 2 toward
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
+from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray
 
-TRACK_COLUMNS = ("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity")
-META_COLUMNS = ("id", "drivingDirection")
-RECORDING_COLUMNS = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
 UPPER, LOWER = 1, 2
 MARKINGS = {UPPER: "upperLaneMarkings", LOWER: "lowerLaneMarkings"}
 BEYOND_VIEW_M = 1000.0
-LANE_WIDTHS_M = (1.5, 10.0)
-LARGEST_ID = 2.0**53
+IDENTITY = Numbers(-(2.0**53), 2.0**53, whole=True)
+TRACKS = dict.fromkeys(("frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity"), Numbers())
+META = {"id": IDENTITY, "drivingDirection": Numbers(UPPER, LOWER, whole=True)}
+RECORDING = {"frameRate": Numbers(1.0, 1000.0)}
+"""The columns that are read, and what their numbers may be."""
+MARKING_M, LANE_WIDTH_M = Numbers(-BEYOND_VIEW_M, BEYOND_VIEW_M), Numbers(1.5, 10.0)
 
 
 def recording_files(path: Path) -> tuple[Path, Path, Path]:
@@ -58,21 +61,13 @@ def read_highd(path: Path) -> ReadTraffic:
         InputError: A file or column is missing, or a value is not a number.
     """
     tracks_file, meta_file, recording_file = recording_files(path)
-    meta = _read(meta_file, META_COLUMNS, dict.fromkeys(META_COLUMNS, pa.float64()))
-    # Of columns whose kind is not said Arrow takes 0x10 for 16.
-    kinds = {"frameRate": pa.float64(), "upperLaneMarkings": pa.string(), "lowerLaneMarkings": pa.string()}
-    recording = _read(recording_file, RECORDING_COLUMNS, kinds)
-    tracks = _read(tracks_file, TRACK_COLUMNS, dict.fromkeys(TRACK_COLUMNS, pa.float64()))
-    identity, direction = (_whole(meta[name].to_numpy(), name, meta_file) for name in META_COLUMNS)
-    if not np.isin(direction, (UPPER, LOWER)).all():
-        raise InputError(f"{meta_file}: drivingDirection is {UPPER} or {LOWER}; fix or remove the row with another one")
+    meta = _read(meta_file, META)
+    recording = _read(recording_file, RECORDING, tuple(MARKINGS.values()))
+    tracks = _read(tracks_file, TRACKS)
+    identity, direction = (meta[name].to_numpy().astype(np.int64) for name in META)
     chosen = LOWER if np.sum(direction == LOWER) >= np.sum(direction == UPPER) else UPPER
-    columns = {name: tracks[name].to_numpy() for name in TRACK_COLUMNS}
+    columns = {name: tracks[name].to_numpy() for name in TRACKS}
     rate = float(recording["frameRate"].to_numpy()[0])
-    if not 1.0 <= rate <= 1000.0:
-        raise InputError(f"{recording_file}: frameRate is {rate:g}; give 1 to 1000 frames a second")
-    if not all(np.isfinite(values).all() for values in columns.values()):
-        raise InputError(f"{tracks_file}: a value is missing or not finite; fix or remove the row")
     markings = _markings(recording, chosen, recording_file)
     if recording[MARKINGS[UPPER + LOWER - chosen]][0].as_py():
         _markings(recording, UPPER + LOWER - chosen, recording_file)
@@ -133,35 +128,26 @@ def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
     name = MARKINGS[direction]
     text = str(recording[name][0].as_py() or "")
     try:
-        markings = np.array([number(word) for word in text.split(";")])
-    except ValueError:
-        markings = np.zeros(0)
-    if len(markings) < 2 or not np.all(np.abs(markings) < BEYOND_VIEW_M):
-        raise InputError(f"{path}: {name} is {text!r}; it must be at least two numbers with semicolons between them")
-    narrowest_m, widest_m = LANE_WIDTHS_M
-    width_m = np.diff(markings)
-    if not np.all((width_m >= narrowest_m) & (width_m <= widest_m)):
+        first, *others = (number(word) for word in text.split(";"))
+        markings = np.array([first, others[0], *others[1:]])
+        MARKING_M.check("a marking", markings)
+        LANE_WIDTH_M.check("the width between two markings", np.diff(markings))
+    except (ValueError, IndexError) as error:
         raise InputError(
-            f"{path}: {name} is {text!r}; from each marking to the next it must be {narrowest_m:g} to {widest_m:g} m"
-        )
+            f"{path}: {name} is {text!r}; it must be at least two numbers with semicolons between them: {error}"
+        ) from None
     return markings
 
 
-def _whole(values: FloatArray, name: str, path: Path) -> IntArray:
-    """Return a column of whole numbers as such."""
-    if not (np.abs(values) < LARGEST_ID).all() or (values != np.floor(values)).any():
-        raise InputError(f"{path}: {name} has a value that is not a whole number; fix or remove the row")
-    return values.astype(np.int64)
-
-
-def _read(path: Path, columns: tuple[str, ...], types: dict[str, pa.DataType]) -> pa.Table:
+def _read(path: Path, numbers: Mapping[str, Numbers], texts: tuple[str, ...] = ()) -> pa.Table:
+    """Return columns of numbers and of texts; of those whose kind is not said Arrow would take 0x10 for 16."""
+    types = dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(texts, pa.string())
     try:
         table = pa.csv.read_csv(path, convert_options=pa.csv.ConvertOptions(column_types=types))
     except (pa.ArrowInvalid, OSError) as error:
         raise InputError(f"{path}: broken CSV: {' '.join(str(error).split())[:200]}") from None
-    missing = [name for name in columns if name not in table.column_names]
-    if missing:
-        raise InputError(f"{path}: the column {', '.join(missing)} is missing; highD has {', '.join(columns)}")
+    check_columns(path, table.column_names, types)
     if not len(table):
         raise InputError(f"{path}: it has no rows")
-    return table.select(list(columns))
+    check_numbers(path, {name: table[name].to_numpy() for name in numbers}, numbers)
+    return table.select(list(types))

@@ -20,6 +20,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
+from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import unpacked
 from harness.truth.network.network import load_network
@@ -36,6 +37,8 @@ TEXT_COLUMNS = (
     *("Space_Headway", "Time_Headway"),
 )
 LAST = TEXT_COLUMNS[-1]
+ALLOWED = {"Vehicle_ID": Numbers(whole=True), "v_Vel": Numbers()}
+"""What numbers may be that are not checked with those of all formats."""
 FRAME_S = 0.1
 NAME_USED_AGAIN_MS = 60_000.0
 SITES = ("us101", "i80", "lankershim", "peachtree")
@@ -52,9 +55,7 @@ def read_ngsim_csv(path: Path, net: str) -> ReadTraffic:
     with _text(path) as file:
         names = [name.strip().strip('"') for name in file.readline().split(",")]
     lower = {name.lower(): name for name in names}
-    missing = [name for name in COLUMNS if name.lower() not in lower]
-    if missing:
-        raise InputError(f"{path}: the column {', '.join(missing)} is missing; NGSIM's CSV has {', '.join(COLUMNS)}")
+    check_columns(path, [*names, *(name for name in COLUMNS if name.lower() in lower)], COLUMNS)
     wanted = {name: lower[name.lower()] for name in COLUMNS}
     location = lower.get("location")
     table = _read_columns(path, wanted, location)
@@ -83,8 +84,7 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
             )
     except (ValueError, OSError) as error:
         raise InputError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
-    if table[LAST].isna().any():
-        raise InputError(f"{path}: row {1 + int(table[LAST].isna().to_numpy().argmax())} is cut off; fix or remove it")
+    check_numbers(path, table, {LAST: Numbers()}, lambda row: f"row {row + 1}, which is cut off,")
     return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
 
 
@@ -156,10 +156,8 @@ def _plain(location: pa.ChunkedArray) -> npt.NDArray[np.str_]:
 def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -> ReadTraffic:
     road = load_network(net).road
     _check_clock(columns, path)
-    identity = columns["Vehicle_ID"]
-    if not np.all(np.isfinite(identity) & (identity == np.floor(identity))):
-        raise InputError(f"{path}: Vehicle_ID has a value that is not a whole number; fix or remove the row")
-    distinct, vehicle = np.unique(identity.astype(np.int64), return_inverse=True)
+    check_numbers(path, columns, ALLOWED)
+    distinct, vehicle = np.unique(columns["Vehicle_ID"].astype(np.int64), return_inverse=True)
     names = distinct.astype(np.str_)
     length_m, width_m = columns["v_Length"] * FOOT_M, columns["v_Width"] * FOOT_M
     left_edge_m = max(lane.left_m for lane in road.lanes)
@@ -175,8 +173,6 @@ def _traffic(columns: Columns, path: Path, net: str, left_out: dict[str, int]) -
         length_m=length_m,
         width_m=width_m,
     )
-    if not np.isfinite(rows.speed_mps).all():
-        raise InputError(f"{path}: v_Vel is missing in row {1 + int(np.isnan(rows.speed_mps).argmax())}; fix it")
     _check_places(rows, road, names, path, net)
     return ReadTraffic(road, names, rows, len(names) + sum(left_out.values()), left_out)
 

@@ -7,23 +7,34 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
+from harness.truth.network.polyline import POINT_M
 from harness.truth.recorded.rows import ReadTraffic, Rows
 from mmpf.numerics.arrays import IntArray, StringArray
 
-NEEDED = ("time_s", "lon_m", "lat_m", "length_m", "width_m")
 # Times closer together than this are one time.
 TIME_RESOLUTION_S = 1e-3
 # A name that comes up again after this long, forward or backward, is another vehicle: counting began anew.
 NAME_USED_AGAIN_S = 60.0
+UNITS = "fix or remove the row, or its unit"
 # A pause of up to this long is filled in, a longer one ends a stay.
 LONGEST_PAUSE_S = 1.0
 SAME_POSITION_M = 0.05
 # More of them than that, as a share of the rows, and the times are not the vehicles' own.
 MOST_CONTRADICTING = 0.1
 LONGEST_INTERVAL_S = 10.0
-MOST_ROWS, MOST_SECONDS = 50_000_000, 400.0 * 86_400.0
-FARTHEST_M, FASTEST_MPS = 1e7, 120.0
+MOST_ROWS, FASTEST_MPS = 50_000_000, 120.0
+ROWS = {
+    "time_s": Numbers(),
+    "time since the first row": Numbers(0.0, 400.0 * 86_400.0),
+    "lon_m": POINT_M,
+    "lat_m": POINT_M,
+    "speed_mps": Numbers(-FASTEST_MPS, FASTEST_MPS, gaps=True),
+    "length_m": Numbers(1.0, 40.0),
+    "width_m": Numbers(0.2, 10.0),
+}
+"""What a row of traffic of any format may hold; else a unit is wrong."""
 # No vehicle moves faster; one that seems to is taken as another one from there on.
 JUMP_MPS, JUMP_M = 80.0, 1.0
 
@@ -64,10 +75,11 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
         InputError: A number is missing, or a vehicle's time goes back.
     """
     rows = traffic.rows
-    _check_numbers(rows, traffic.names, path)
-    if traffic.in_plane:
-        _check_numbers(rows, traffic.names, path, ("heading_rad",))
-    _check_limits(rows, traffic.names, path)
+    if not len(rows):
+        raise InputError(f"{path}: it contains no vehicle; give a recording with vehicles")
+    told = {"time since the first row": rows.time_s - rows.time_s.min(), **vars(rows)}
+    allowed = ROWS | ({"heading_rad": Numbers()} if traffic.in_plane else {})
+    check_numbers(path, told, allowed, lambda row: f"vehicle {traffic.names[rows.vehicle[row]]}", UNITS)
     tick = np.round((rows.time_s - rows.time_s.min()) / TIME_RESOLUTION_S).astype(np.int64)
     key = rows.vehicle * (int(tick.max()) + 1) + tick
     order = np.argsort(key, kind="stable")
@@ -105,31 +117,6 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
         jumps=np.flatnonzero(jumps[starts]),
         in_plane=traffic.in_plane,
     )
-
-
-def _check_numbers(rows: Rows, names: StringArray, path: Path, columns: tuple[str, ...] = NEEDED) -> None:
-    if not len(rows):
-        raise InputError(f"{path}: it contains no vehicle; give a recording with vehicles")
-    for column in columns:
-        missing = np.flatnonzero(~np.isfinite(getattr(rows, column)))
-        if len(missing):
-            name = names[rows.vehicle[missing[0]]]
-            raise InputError(f"{path}: vehicle {name} has a row whose {column} is not a number; fix or remove the row")
-
-
-def _check_limits(rows: Rows, names: StringArray, path: Path) -> None:
-    """Refuse what no recording of traffic holds, before anything as large as its numbers say is made of it."""
-    if len(rows) > MOST_ROWS:
-        raise InputError(f"{path}: {len(rows)} rows; at most {MOST_ROWS} are read, so cut the recording")
-    span_s = float(np.ptp(rows.time_s))
-    if span_s > MOST_SECONDS:
-        raise InputError(f"{path}: it would last {span_s / 86_400.0:.0f} days; check the time column")
-    for column, most in (("lon_m", FARTHEST_M), ("lat_m", FARTHEST_M), ("speed_mps", FASTEST_MPS)):
-        # What is not stated is nan and passes.
-        beyond = np.flatnonzero(np.abs(getattr(rows, column)) > most)
-        if len(beyond):
-            name, value = names[rows.vehicle[beyond[0]]], getattr(rows, column)[beyond[0]]
-            raise InputError(f"{path}: vehicle {name} has a {column} of {value:g}; at most {most:g} is believed")
 
 
 def _count_contradictions(rows: Rows, order: IntArray, repeated: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import numpy as np
 import pandas as pd
 
-from harness.common.errors import InputError
+from harness.common.bounds import check_columns
 from harness.truth.recorded.planetracks import PlaneTrajectory, Scene, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic, unknown
 from mmpf.scan import BUS, CAR, MOTORCYCLE, TRUCK, UNKNOWN_CLASS
@@ -31,8 +31,7 @@ def read_pandaset(path: Path) -> ReadTraffic:
 
 def _scene(file: BinaryIO) -> Scene:
     table = pd.read_csv(file, dtype=str, keep_default_na=False)
-    if missing := [name for name in COLUMNS if name not in table]:
-        raise InputError(f"the column {missing[0]} is missing")
+    check_columns("a table", table.columns, COLUMNS)
     table = table.assign(**{name: pd.to_numeric(table[name]) for name in NUMBERS})
     vehicles = table[table["label"].isin(VEHICLES)]
     ways = [

@@ -9,12 +9,13 @@ from typing import BinaryIO
 
 import numpy as np
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import unpacked
-from harness.truth.network.polyline import grid_origin, length_of
+from harness.truth.network.polyline import POINT_M, grid_origin, length_of
 from harness.truth.recorded.laneletgraph import plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet
-from harness.truth.recorded.order import FARTHEST_M, MOST_ROWS
+from harness.truth.recorded.order import ROWS
 from harness.truth.recorded.rows import ReadTraffic, rows_in
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
@@ -26,8 +27,10 @@ USUAL_LANE_M = 3.5
 # A lane that begins so near to where another ends, nearly in its direction, follows it.
 MEETS_WITHIN_M, MEETS_WITHIN_RAD = 1.0, np.deg2rad(45.0)
 BESIDE_WITHIN_RAD = np.deg2rad(20.0)
-SHORTEST_LINE_M, LONGEST_LINE_M = 0.5, 1e5
-MOST_LINES = 5000
+SHORTEST_LINE_M = 0.5
+OF_WAYS = {name: numbers for name, numbers in ROWS.items() if name != "speed_mps"}
+OF_WAYS |= {"x_m": POINT_M, "y_m": POINT_M, "heading_rad": Numbers()}
+OF_LINES = {"a point": POINT_M, "the length": Numbers(0.0, 1e5), "the width": Numbers(0.1, 100.0)}
 
 
 @dataclass(frozen=True)
@@ -90,15 +93,11 @@ def traffic_of_ways(
     names = np.array([way.name for way in ways])
     if len(np.unique(names)) < len(names) or not np.char.str_len(names).all():
         raise InputError(f"{path}: a vehicle has no name, or two have the same; rename one")
-    if sum(len(way.time_s) for way in ways) > MOST_ROWS:
-        raise InputError(f"{path}: it has more than {MOST_ROWS} vehicle-times; cut it")
     columns = {
         name: np.concatenate([np.asarray(getattr(way, name), dtype=np.float64) for way in ways])
         for name in ("time_s", "x_m", "y_m", "heading_rad", "speed_mps", "length_m", "width_m")
     }
-    needed = [values for name, values in columns.items() if name != "speed_mps"]
-    if not np.isfinite(needed).all() or not max(np.abs(columns[axis]).max() for axis in ("x_m", "y_m")) <= FARTHEST_M:
-        raise InputError(f"{path}: a value is not finite, or a place is farther than {FARTHEST_M:g} m; mend it")
+    check_numbers(path, columns, OF_WAYS)
     road, origin = _plane(lines, np.array([columns["x_m"].min(), columns["y_m"].min()]), path)
     rows = rows_in(
         road,
@@ -127,16 +126,14 @@ def lanelets_of(lines: Mapping[str, MiddleLine], path: Path) -> list[Lanelet]:
     Raises:
         InputError: A line or its width can't be, or there are too many lines.
     """
-    if len(lines) > MOST_LINES:
-        raise InputError(f"{path}: it has {len(lines)} lanes; at most {MOST_LINES} can be read")
     kept: dict[str, MiddleLine] = {}
     for name, line in lines.items():
-        if line.xy.ndim != 2 or line.xy.shape[1] != 2 or not np.abs(line.xy).max(initial=0.0) <= FARTHEST_M:
+        if line.xy.ndim != 2 or line.xy.shape[1] != 2:
             raise InputError(f"{path}: lane {name} is no line of points in the plane; mend it")
         xy = line.xy[np.append(True, np.hypot(*np.diff(line.xy, axis=0).T) > 1e-3)] if len(line.xy) else line.xy
         length_m = length_of(xy) if len(xy) > 1 else 0.0
-        if length_m > LONGEST_LINE_M or not 0.0 < line.width_m < 100.0:
-            raise InputError(f"{path}: lane {name} is {length_m:g} m long and {line.width_m:g} m wide; mend it")
+        told = {"a point": xy, "the length": length_m, "the width": line.width_m}
+        check_numbers(path, told, OF_LINES, f"lane {name}")
         if length_m >= SHORTEST_LINE_M:
             kept[name] = MiddleLine(xy, line.width_m)
     if not kept:

@@ -14,9 +14,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray
 TELLING_DISTANCE_M = 10.0
 # Metres read as feet give 0.30, feet read as metres 3.28, degrees or centimetres far more or less.
 BELIEVABLE_RATIO = (0.5, 2.0)
-LENGTH_RANGE_M = (1.0, 40.0)
 USUAL_LENGTH_RANGE_M = (2.5, 20.0)
-WIDTH_RANGE_M = (0.2, 10.0)
 # Foot, kilometre per hour and mile per hour against metre and metre per second, either way.
 UNIT_FACTORS = np.array([0.3048, 1.0 / 0.3048, 3.6, 1.0 / 3.6, 0.44704, 1.0 / 0.44704])
 SAME_FACTOR = 0.03
@@ -51,16 +49,6 @@ def _check_sizes(stays: Stays, path: Path) -> None:
         raise InputError(
             f"{path}: vehicle {stays.names[stay]} is {shortest[stay]:.2f} and {longest[stay]:.2f} m long: mixed units?"
         )
-    wrong = np.flatnonzero((longest < LENGTH_RANGE_M[0]) | (longest > LENGTH_RANGE_M[1]))
-    if len(wrong):
-        stay = wrong[0]
-        raise InputError(f"{path}: vehicle {stays.names[stay]} would be {longest[stay]:.2f} m long: wrong units?")
-    width_m = stays.rows.width_m
-    wrong = np.flatnonzero((width_m < WIDTH_RANGE_M[0]) | (width_m > WIDTH_RANGE_M[1]))
-    if len(wrong):
-        row = wrong[0]
-        name = stays.names[stays.rows.vehicle[row]]
-        raise InputError(f"{path}: vehicle {name} would be {width_m[row]:.2f} m wide: wrong units?")
     usual_m = float(np.median(longest))
     if len(longest) >= 3 and not USUAL_LENGTH_RANGE_M[0] <= usual_m <= USUAL_LENGTH_RANGE_M[1]:
         raise InputError(f"{path}: half of the vehicles would be no longer than {usual_m:.2f} m: wrong units?")

@@ -16,10 +16,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.feather
 
+from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
-from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, check_way
+from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_way
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPoses, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.numerics.arrays import FloatArray
@@ -36,7 +37,10 @@ RECORDING_CAR = "EGO_VEHICLE"
 TURN, PLACE = ["qw", "qx", "qy", "qz"], ["tx_m", "ty_m", "tz_m"]
 WHEN, SIZE = "timestamp_ns", ["length_m", "width_m"]
 OF_BOX = ["track_uuid", "category", *SIZE, *TURN, *PLACE, "num_interior_pts"]
-MOST_OFF_UNIT, STEP_NS, LONGEST_STEP_NS = 0.01, 100_000_000, 200_000_000
+STEP_NS = 100_000_000
+CLOCK = {"the count of moments": MOMENTS, "the usual step, ns,": Numbers(0, 1.5 * STEP_NS)}
+CLOCK |= {"the longest step, ns,": Numbers(0, 2 * STEP_NS)}
+UNIT = {"the square of a rotation's length": Numbers(0.99, 1.01)}
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
@@ -79,11 +83,9 @@ def _read(log: Path, with_map: bool) -> Drive:
     boxes = boxes[boxes["category"] != RECORDING_CAR]
     poses = _table(log / POSES, [WHEN, *TURN, *PLACE]).drop_duplicates(WHEN).set_index(WHEN)
     clock = np.unique(boxes[WHEN].to_numpy(dtype=np.int64))
-    if not 1 <= len(clock) <= MOST_STEPS:
-        raise InputError(f"{annotations} has {len(clock)} moments; 1 to {MOST_STEPS} can be played")
     steps = np.diff(clock)
-    if len(steps) and (np.median(steps) > 1.5 * STEP_NS or steps.max() > LONGEST_STEP_NS):
-        raise InputError(f"{annotations}: its moments are not a tenth of a second apart")
+    told = {"the count of moments": len(clock), "the usual step, ns,": np.median(steps) if len(steps) else STEP_NS}
+    check_numbers(annotations, told | {"the longest step, ns,": steps.max(initial=0)}, CLOCK, "")
     if not np.isin(clock, poses.index.to_numpy()).all():
         raise InputError(f"{log / POSES} lacks the pose of a moment that {annotations.name} has")
     if boxes.duplicated([WHEN, "track_uuid"]).any():
@@ -139,26 +141,18 @@ def _table(path: Path, columns: list[str]) -> pd.DataFrame:
         raise InputError(f"{path} is missing") from None
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"{path}: can't be read as feather: {error}") from None
-    missing = [column for column in columns if column not in table]
-    if missing:
-        raise InputError(f"{path} lacks the columns {', '.join(missing)}")
-    if table[WHEN].dtype.kind not in "iu":
-        raise InputError(f"{path}: {WHEN} holds no whole numbers")
-    numbers = [column for column in columns if column not in ("track_uuid", "category")]
-    try:
-        finite = np.isfinite(table[numbers].to_numpy(dtype=np.float64)).all()
-    except (TypeError, ValueError):
-        raise InputError(f"{path}: a column of numbers holds something else") from None
-    if not len(table) or not finite:
-        raise InputError(f"{path} has no rows, or a value that is not finite")
+    check_columns(path, table.columns, columns)
+    if not len(table):
+        raise InputError(f"{path} has no rows")
+    numbers = dict.fromkeys((name for name in columns if name not in ("track_uuid", "category")), Numbers())
+    check_numbers(path, table, numbers | {WHEN: Numbers(whole=True)})
     return table[columns]
 
 
 def _rotations(path: Path, table: pd.DataFrame) -> FloatArray:
     """Return rotations of unit quaternions, shape (n, 3, 3)."""
     w, x, y, z = table[TURN].to_numpy(dtype=np.float64).T
-    if (np.abs(w * w + x * x + y * y + z * z - 1.0) > MOST_OFF_UNIT).any():
-        raise InputError(f"{path}: a rotation is not a unit quaternion")
+    check_numbers(path, {"the square of a rotation's length": w * w + x * x + y * y + z * z}, UNIT)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],

@@ -12,14 +12,12 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
-from harness.truth.network.polyline import length_of
-from harness.truth.recorded.detected.numbers import FARTHEST_M
+from harness.truth.network.polyline import checked_line
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.numerics.arrays import FloatArray
 
 ARCHIVES = "map/log_map_archive_*.json"
 FOR_VEHICLES = ("VEHICLE", "BUS")
-LONGEST_M = 1e4
 
 
 def map_files(log: Path) -> list[Path]:
@@ -85,11 +83,7 @@ def _lanelet(segment: Mapping[str, Any], origin_xy: FloatArray) -> Lanelet:
 
 def _points(boundary: Sequence[Mapping[str, float]]) -> FloatArray:
     points = np.array([(point["x"], point["y"]) for point in boundary], dtype=np.float64)
-    if len(points) < 2 or not np.abs(points).max() <= FARTHEST_M:
-        raise ValueError(f"a boundary needs two points or more within {FARTHEST_M:g} m")
-    if length_of(points) > LONGEST_M:
-        raise ValueError(f"a boundary is longer than {LONGEST_M:g} m")
-    return points
+    return checked_line(points, 1e4, "a boundary")
 
 
 def _neighbour(name: int | None) -> str | None:

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.truth.recorded.detected.numbers import MOST_STEPS, check_boxes, check_way, numbers_of, words_of
+from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_way, numbers_of, words_of
 from harness.truth.recorded.detected.recorded_drive import (
     Drive,
     EgoPoses,
@@ -35,8 +36,7 @@ LABEL_WORDS, DETECTION_WORDS, POSE_WORDS = 17, 15, 12
 # Columns of detections.
 KIND, SCORE, ANGLE = 1, 6, 14
 PICTURE, BOX = slice(2, 6), slice(7, 14)
-MOST_OFF_RIGID = 0.01
-MOST_THINGS = 10_000_000
+RIGID, THING = {"the distance from a rotation": Numbers(0.0, 0.01)}, {"the number of a thing": Numbers(0, 10_000_000)}
 
 
 @dataclass(frozen=True)
@@ -169,8 +169,7 @@ def read_labels(path: Path) -> LabelRows:
     if not words:
         raise InputError(f"{path} labels nothing")
     values = numbers_of(path, [[*row[:2], *row[3:LABEL_WORDS]] for row in words], 0, LABEL_WORDS - 1)
-    if not ((values[:, 1] >= 0) & (values[:, 1] < MOST_THINGS)).all():
-        raise InputError(f"{path}: a labelled thing has no number of 0 to {MOST_THINGS - 1}")
+    check_numbers(path, {"the number of a thing": values[:, 1]}, THING)
     names, thing = np.unique(values[:, 1].astype(np.int64), return_inverse=True)
     if len(np.unique(np.stack([values[:, 0], values[:, 1]]), axis=1).T) < len(words):
         raise InputError(f"{path}: a thing is twice in one frame")
@@ -191,15 +190,13 @@ def read_poses(path: Path) -> CameraWay:
         InputError: The file is missing or broken, has too many poses or none, or one that turns nothing rigidly.
     """
     rows = words_of(path, None, POSE_WORDS, "camera poses")
-    if not 1 <= len(rows) <= MOST_STEPS:
-        raise InputError(f"{path} has {len(rows)} poses; give 1 to {MOST_STEPS}")
+    check_numbers(path, {"the count of poses": len(rows)}, {"the count of poses": MOMENTS}, "")
     pose = numbers_of(path, rows, 0, POSE_WORDS).reshape(-1, 3, 4)
     rotation, shift = pose[:, :, :3], pose[:, :, 3]
     check_way(path, shift)
     off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-    off = np.where(np.linalg.det(rotation) > 0.0, off, np.inf)  # a mirror is no turn
-    if (off > MOST_OFF_RIGID).any():
-        raise InputError(f"{path}: pose {int((off > MOST_OFF_RIGID).argmax())} is no rotation and shift")
+    off = np.where(np.linalg.det(rotation) > 0.0, off, 2.0)  # a mirror is no turn
+    check_numbers(path, {"the distance from a rotation": off}, RIGID, lambda row: f"pose {row}")
     return CameraWay(rotation, shift)
 
 

@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file, number
 from mmpf.numerics.arrays import FloatArray
 
-MOST_STEPS = 100_000
-FARTHEST_M, FARTHEST_OF_ALL_M = 1e5, 1e8
-# In a tenth of a second, or of one or two that are missing.
-FARTHEST_STEP_M = 25.0
-SIZES_M = (0.05, 60.0)
+FRAME, MOMENTS = Numbers(0, 100_000, whole=True), Numbers(1, 100_000)
+SIZE_M, PLACE_M = Numbers(0.05, 60.0), Numbers(-1e5, 1e5)
+"""Of a box, as seen from the car."""
+WAY = {"a pose": Numbers(-1e8, 1e8), "the way to the next pose": Numbers(0.0, 25.0)}
+"""Of a car, metres; the latter in a tenth of a second, or of one or two that are missing."""
+BOX = {"the frame": FRAME, "the size": SIZE_M, "the place": PLACE_M}
 
 
 def words_of(path: Path, separator: str | None, least: int, what: str) -> list[list[str]]:
@@ -63,12 +65,8 @@ def check_way(path: Path, place: FloatArray) -> None:
     Raises:
         InputError: It lies too far away, or leaps.
     """
-    if not (np.abs(place) <= FARTHEST_OF_ALL_M).all():
-        raise InputError(f"{path}: a pose is farther away than {FARTHEST_OF_ALL_M:g} m")
     leap_m = np.hypot.reduce(np.diff(place, axis=0), axis=1)
-    if (leap_m > FARTHEST_STEP_M).any():
-        step = int(leap_m.argmax())
-        raise InputError(f"{path}: from pose {step} to the next it is {leap_m[step]:.0f} m; a car drives less")
+    check_numbers(path, {"a pose": place, "the way to the next pose": leap_m}, WAY, lambda row: f"pose {row}")
 
 
 def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArray) -> None:
@@ -83,11 +81,5 @@ def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArra
     Raises:
         InputError: A step is none of a drive, a size that of no vehicle, or a place too far away.
     """
-    if not len(step):
-        return
-    if (step != np.round(step)).any() or step.min() < 0 or step.max() >= MOST_STEPS:
-        raise InputError(f"{path}: a frame is not a whole number of 0 to {MOST_STEPS - 1}")
-    if size.min() < SIZES_M[0] or size.max() > SIZES_M[1]:
-        raise InputError(f"{path}: the size of a box is not within {SIZES_M[0]:g} to {SIZES_M[1]:g} m")
-    if np.abs(place).max() > FARTHEST_M:
-        raise InputError(f"{path}: a box is farther away than {FARTHEST_M:g} m")
+    columns = {"the frame": step, "the size": size, "the place": place}
+    check_numbers(path, columns, BOX, lambda row: f"box {row + 1}")
