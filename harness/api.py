@@ -346,7 +346,9 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             command=command,
             quiet=quiet,
             draw=running.Drawing(figures.draw_figures, page.write_run_page),
-            open_snapshots=partial(opening.open_snapshots, simulate=partial(opening.simulate, gui=values["gui"])),
+            open_snapshots=partial(
+                opening.open_snapshots, simulate=partial(opening.simulate, gui=values["gui"]), ahead=not values["gui"]
+            ),
         )
         if values["video"] is not None:
             video.write_video(finished.folder, values["video"], values["force"])

@@ -42,16 +42,21 @@ LONGEST_SILENCE = 5.0
 """So many times its processor time a fork may take by the clock: the machine may be busy, or the fork may wait."""
 SENT, DONE, PLACE, MOST_SAID, FIRST_WITH_NET = "sent", "done", "\0place", 300, 4
 SIGN_OF_LIFE_EVERY_S = 1.0
+LARGE_BYTES = 1 << 16
 _within: ContextVar[bool] = ContextVar("_within", default=False)
 
 
 @dataclass(frozen=True)
 class ProcessLimits:
-    """What a fork may use: memory beyond what it begins with, processor time between two messages, size of a file."""
+    """What a fork may use: memory beyond what it begins with, processor time between two messages, size of a file.
+
+    One that reads nothing external need not be confined: only its time is limited then.
+    """
 
     memory_bytes: int = 1280 * MB
     cpu_s: int = 25
     file_bytes: int = MB
+    confined: bool = True
 
     @classmethod
     def for_files(cls, files: Iterable[Path]) -> ProcessLimits:
@@ -184,7 +189,8 @@ def _work(
         _within.set(True)
         faulthandler.disable()
         last_s = 0.0
-        _limit(limits, folders)
+        if limits.confined:
+            _limit(limits, folders)
 
         def send(answer: object, kind: str = SENT) -> None:
             nonlocal last_s
@@ -192,9 +198,15 @@ def _work(
             if answer is None and kind == SENT and now_s - last_s < SIGN_OF_LIFE_EVERY_S:
                 return
             last_s = now_s
-            # Large arrays go as they are, without a copy in between.
+            # Large arrays go as they are, without a copy in between; small ones are copied sooner than written alone.
             arrays: list[pickle.PickleBuffer] = []
-            parts = [memoryview(pickle.dumps((kind, answer), protocol=5, buffer_callback=arrays.append))]
+
+            def is_small(array: pickle.PickleBuffer) -> bool:
+                if array.raw().nbytes >= LARGE_BYTES:
+                    arrays.append(array)
+                return array.raw().nbytes < LARGE_BYTES
+
+            parts = [memoryview(pickle.dumps((kind, answer), protocol=5, buffer_callback=is_small))]
             parts += [array.raw() for array in arrays]
             lengths = [len(part) for part in parts]
             frames: tuple[bytes | memoryview, ...] = (struct.pack(f"Q{len(parts)}Q", len(parts), *lengths), *parts)

@@ -28,11 +28,15 @@ Watch = Callable[[Snapshot, Tracks, AnyTracker], object]
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Wall time of each stage in each step, seconds; of equal length after a finished step."""
+    """Wall time of each stage in each step, seconds; of equal length after a finished step.
+
+    The loop waited ``waited_s`` for a look, which is less than truth and sensor took if they were made ahead.
+    """
 
     truth_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
     sensor_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
     tracker_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
+    waited_s: MutableSequence[float] = field(default_factory=lambda: array("d"))
 
 
 def follow(
@@ -54,7 +58,9 @@ def follow(
     # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.
     with threadpool_limits(limits=1, user_api="blas"):
         episodes = _EpisodeTrackers(snapshots, build_tracker, stream)
+        asked = perf_counter()
         for snapshot in snapshots:
+            waited_s = perf_counter() - asked
             episodes.ready_for(snapshot)
             begin = perf_counter()
             tracks = episodes.step(snapshot)
@@ -63,8 +69,10 @@ def follow(
             times.truth_s.append(snapshot.truth_s)
             times.sensor_s.append(snapshot.sensor_s)
             times.tracker_s.append(tracker_s)
+            times.waited_s.append(waited_s)
             for watch in watchers:
                 watch(snapshot, tracks, episodes.tracker)
+            asked = perf_counter()
 
 
 @dataclass

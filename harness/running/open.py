@@ -69,14 +69,15 @@ def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float
 Simulate = Callable[["Network", TrafficConfig, int, float], TruthSource]
 
 
-def open_snapshots(config: RunConfig, simulate: Simulate = simulate) -> SnapshotStream:
-    """Open the snapshots that the configuration describes.
+def open_snapshots(config: RunConfig, simulate: Simulate = simulate, *, ahead: bool = False) -> SnapshotStream:
+    """Open the snapshots that the configuration describes; ``ahead`` simulates on a second core while they are tracked.
 
     Raises:
         InputError: There is no such network, demand, sensor or recording, or it is broken; or no window can be opened.
     """
     if config.replay is None:
-        return _altered(_simulated(config, simulate), config)
+        simulated = _altered(_simulated(config, simulate), config)
+        return simulated.made_ahead() if ahead else simulated
     path = Path(config.replay)
     return _altered(read_snapshots(path, config) if runfolder.is_run_folder(path) else _recorded(path, config), config)
 

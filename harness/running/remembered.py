@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from harness.config.model import RunConfig, TrafficConfig
 from harness.running.open import open_snapshots, simulate
 from harness.running.snapshots import SnapshotStream
 from harness.truth.frame import Frame, TruthSource
 from harness.truth.network.network import Network
-from mmpf.map.road import Road
 
 
 class RememberedTraffic:
@@ -22,7 +20,7 @@ class RememberedTraffic:
     def __init__(self) -> None:
         """Prepare to open snapshots; nothing is remembered yet."""
         self._key: tuple[TrafficConfig, int, float] | None = None
-        self._last: _Played | None = None
+        self._last: _Noted | None = None
 
     def __call__(self, config: RunConfig) -> SnapshotStream:
         """Return the snapshots that the configuration describes; see ``open_snapshots``."""
@@ -30,43 +28,25 @@ class RememberedTraffic:
 
     def _simulate(self, network: Network, traffic: TrafficConfig, seed: int, reach_m: float) -> TruthSource:
         key = traffic, seed, reach_m
-        if self._last is not None and self._key == key:
-            return self._last
-        self._key, self._last = None, None
-        return _Noted(simulate(network, traffic, seed, reach_m), self, key)
-
-    def remember(self, key: tuple[TrafficConfig, int, float], played: _Played) -> None:
-        """Keep frames that were all yielded in place of those kept so far."""
-        self._key, self._last = key, played
-
-
-@dataclass
-class _Played:
-    """Frames that were simulated before, as a ``TruthSource``."""
-
-    road: Road
-    step_s: float
-    expected_steps: int
-    noted: tuple[Frame, ...]
-
-    def frames(self) -> Iterator[Frame]:
-        return iter(self.noted)
-
-    def close(self) -> None:
-        """Nothing is held."""
+        if self._last is None or self._key != key or not self._last.is_whole:
+            self._last = None
+            self._key, self._last = key, _Noted(simulate(network, traffic, seed, reach_m))
+        return self._last
 
 
 class _Noted:
-    """A simulation whose frames are noted as they are yielded, as a ``TruthSource``."""
+    """A simulation whose frames are noted as they are yielded, and played again once all were."""
 
-    def __init__(self, truth: TruthSource, memory: RememberedTraffic, key: tuple[TrafficConfig, int, float]) -> None:
+    def __init__(self, truth: TruthSource) -> None:
         self.road, self.step_s, self.expected_steps = truth.road, truth.step_s, truth.expected_steps
-        self.close = truth.close
-        self._truth, self._memory, self._key = truth, memory, key
+        self.close, self.is_whole = truth.close, False
+        self._truth, self._frames = truth, list[Frame]()
 
     def frames(self) -> Iterator[Frame]:
-        noted = []
+        if self.is_whole:
+            yield from self._frames
+            return
         for frame in self._truth.frames():
-            noted.append(frame)
+            self._frames.append(frame)
             yield frame
-        self._memory.remember(self._key, _Played(self.road, self.step_s, self.expected_steps, tuple(noted)))
+        self.is_whole = True

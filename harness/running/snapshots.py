@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
+from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError, RunError
+from harness.common.isolation import ProcessLimits, Send, streamed
 from harness.sensor.observation import Observation, Sensor, Snapshot
 from harness.storage.manifest import sha256_of
 from harness.truth.frame import Frame, TruthSource
 from mmpf.map.road import Road
 from mmpf.scan import SensorModel
+
+OWN_WORK = ProcessLimits(cpu_s=86_400, confined=False)
 
 
 @dataclass(frozen=True)
@@ -98,9 +102,33 @@ class SnapshotStream:
             raise RunError("the traffic has no ego vehicle in the section")
         return replace(self, stream=stream, expected_steps=len(stream), close=lambda: None)
 
+    def made_ahead(self) -> SnapshotStream:
+        """Return the same snapshots, made in a fork of this process, at most as far ahead as a pipe holds them."""
+        stream = _from_fork(self.stream)
+
+        def close() -> None:
+            stream.close()
+            self.close()
+
+        return replace(self, stream=stream, close=close)
+
     def hashes(self) -> dict[str, str]:
         """Return the SHA-256 of each file that decided the snapshots."""
         return {name: sha256_of(path) for name, path in self.files.items()}
+
+
+def _from_fork(stream: Iterable[Snapshot]) -> Generator[Snapshot]:
+    def make(send: Send[Snapshot]) -> None:
+        try:
+            for snapshot in stream:
+                send(snapshot)
+        except Exception as error:
+            raise RunError(str(error) if isinstance(error, InputError | RunError) else what_it_raised(error)) from error
+
+    try:
+        yield from streamed(make, "the simulation", OWN_WORK)
+    except InputError as error:
+        raise RunError(str(error)) from error  # it was killed: the steps so far are kept
 
 
 def observe_traffic(truth: TruthSource, sensor: Sensor, seed: int) -> SnapshotStream:

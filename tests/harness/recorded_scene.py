@@ -46,7 +46,7 @@ def write_recorded_scene(
         runfolder.TRUTH: truth, runfolder.DETECTIONS: detections, runfolder.TRACKS: tracks,
         runfolder.ERRORS: scored.errors, runfolder.EVENTS: scored.events,
     }  # fmt: skip
-    times = StageTimes(truth_s=[0.001] * STEPS, sensor_s=[0.002] * STEPS, tracker_s=[0.01] * STEPS)
+    times = StageTimes(*([value_s] * STEPS for value_s in (0.001, 0.002, 0.01, 0.003)))
     traffic = TrafficSums(road)
     traffic.add(truth)
     evaluated = Evaluated(road, tables, scored.metrics, traffic.table(), times, STEP_S)

@@ -74,7 +74,7 @@ def test_in_the_plane_traffic_is_that_on_lanes_within_100_m_of_the_ego_paths_acr
 
 
 def test_real_time_factor_is_simulated_time_over_time_spent():
-    times = StageTimes(truth_s=[0.02] * 10, sensor_s=[0.01] * 10, tracker_s=[0.02] * 10)
+    times = StageTimes(truth_s=[0.03] * 10, sensor_s=[0.01] * 10, tracker_s=[0.02] * 10, waited_s=[0.03] * 10)
     table = timing_table(times, step_s=0.1, total_s=3.0)
     assert table["realtime_factor"] == pytest.approx(2.0)
     assert table["tracker_ms"]["p99"] == pytest.approx(20.0)

@@ -1,9 +1,13 @@
 """Snapshots are made when they are asked for, or kept to be played again and again."""
 
+import os
+import signal
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from harness.common.errors import RunError
+from harness.common.errors import RunError, SumoError
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes
 from harness.running.snapshots import SnapshotStream
@@ -21,14 +25,40 @@ def test_nothing_is_simulated_before_it_is_looked_at():
         next(iter(snapshots))
 
 
-def test_kept_snapshots_are_the_live_ones_and_the_traffic_is_closed():
-    traffic = SteadyTraffic(steps=5)
-    kept = snapshots_from(traffic).kept()
-    assert traffic.closed
-    assert kept.expected_steps == 5
-    for live, again in zip(snapshots_from(traffic), kept, strict=True):
-        assert live.frame.lon_m.tobytes() == again.frame.lon_m.tobytes()
-        assert live.observation.scan.detections.lon_m.tobytes() == again.observation.scan.detections.lon_m.tobytes()
+def test_kept_snapshots_and_those_made_ahead_are_the_live_ones_and_the_traffic_is_closed():
+    for made in (SnapshotStream.kept, SnapshotStream.made_ahead):
+        traffic = SteadyTraffic(steps=60)
+        stream = made(snapshots_from(traffic))
+        assert stream.expected_steps == 60
+        for live, again in zip(snapshots_from(SteadyTraffic(steps=60)), stream, strict=True):
+            assert live.frame.lon_m.tobytes() == again.frame.lon_m.tobytes()
+            assert live.observation.scan.detections.lon_m.tobytes() == again.observation.scan.detections.lon_m.tobytes()
+        if made is SnapshotStream.made_ahead:
+            stream.close()
+        assert traffic.closed
+
+
+@pytest.mark.parametrize("broken", [RuntimeError("the traffic broke"), SumoError("the traffic broke")])
+def test_what_breaks_ahead_is_told_after_the_snapshots_before_it(broken):
+    def breaking():
+        yield from snapshots_from(SteadyTraffic(steps=3))
+        raise broken
+
+    stream = iter(replace(snapshots_from(SteadyTraffic()), stream=breaking()).made_ahead())
+    assert [next(stream).frame.step for _ in range(3)] == [0, 1, 2]
+    with pytest.raises(RunError, match="the traffic broke"):
+        next(stream)
+
+
+def test_no_process_is_left_of_snapshots_that_are_closed_early_or_were_killed():
+    endless = snapshots_from(SteadyTraffic(steps=10**9)).made_ahead()
+    assert next(iter(endless)).frame.step == 0
+    endless.close()
+    killed = replace(endless, stream=(os.kill(os.getpid(), signal.SIGKILL) for _ in range(1))).made_ahead()
+    with pytest.raises(RunError, match="SIGKILL"):
+        next(iter(killed))
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
 
 
 def test_every_tracker_that_kept_snapshots_are_played_to_gets_all_of_them():
