@@ -84,8 +84,8 @@ class Manoeuvring:
         accel = np.clip(np.concatenate([state[ACCEL, held], drawn]), -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
         latents[HOLDS] = 0.0
         latents[HOLDS, holding] = 1.0
-        driven = moved[:, holding]
-        move_along(state[:, holding], driven, accel, np.zeros_like(accel), dt_s)
+        driven = moved.take(holding, axis=1)
+        move_along(state.take(holding, axis=1), driven, accel, np.zeros_like(accel), dt_s)
         moved[:, holding] = driven
         return moved
 

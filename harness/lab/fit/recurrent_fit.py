@@ -26,8 +26,7 @@ from harness.lab.fit.unrolled import (
     share_of,
 )
 from harness.lab.windows.car_following import CarFollowing
-from mmpf.motion.learned.features import SITUATION_SIZE, SMALLEST_GAP_M
-from mmpf.motion.learned.follower import FURTHEST_LEADER_M
+from mmpf.motion.learned.features import FURTHEST_LEADER_M, SITUATION_SIZE, SMALLEST_GAP_M
 from mmpf.motion.learned.recurrent import NOISE, OUTPUTS, RecurrentWeights
 from mmpf.motion.learned.residual import FITTED_STEP_S, IDM_RANGE_MPS2, TIME_SCALES_S, USUAL_DRIVER
 from mmpf.numerics.arrays import IntArray

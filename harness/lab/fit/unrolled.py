@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.lab.windows.car_following import CarFollowing
-from mmpf.motion.learned.features import SMALLEST_GAP_M, log_headway
-from mmpf.motion.learned.follower import FURTHEST_LEADER_M
+from mmpf.motion.learned.features import FURTHEST_LEADER_M, SMALLEST_GAP_M, log_headway
 from mmpf.motion.learned.residual import (
     FITTED_STEP_S,
     IDM_RANGE_MPS2,

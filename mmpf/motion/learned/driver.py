@@ -201,7 +201,7 @@ class LearnedDriver:
         direction = latents[INTENTION, index]
         width = around.lane_left_m - around.lane_right_m
         origin = latents[TARGET, index] - direction * np.where(np.isfinite(width), width, NOMINAL_WIDTH_M)
-        return self.changer.move(state[:, index], direction, origin, around, dt_s, rng)
+        return self.changer.move(state.take(index, axis=1), direction, origin, around, dt_s, rng)
 
     def _draw_drivers(
         self, state: FloatArray, drawn: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator

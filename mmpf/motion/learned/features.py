@@ -9,6 +9,7 @@ from mmpf.numerics.kernels import kernel
 
 SITUATION_SIZE = 5
 SMALLEST_GAP_M = 0.3
+FURTHEST_LEADER_M = 100.0
 STANDSTILL_GAP_M = 2.0
 SLOWEST_HEADWAY_SPEED_MPS = 3.0
 
@@ -42,9 +43,10 @@ def write_situations(
     leader_accel_mps2: FloatArray,
     seen: Float32Array,
 ) -> None:
-    """Write what the followers ``index``, shape (k,), see into ``seen``, shape (5, k), variable by variable.
+    """Write what the particles ``index``, shape (k,), see into ``seen``, shape (5, k), variable by variable.
 
-    The other arguments are those of ``situation``, of everyone, shape (n,).
+    The other arguments are those of ``situation``, of everyone, shape (n,); a leader that is no nearer than
+    ``FURTHEST_LEADER_M`` counts as one there at the particle's own speed.
     """
     _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
     # Of the whole row: compiled one by one, logarithms take several times as long.
@@ -69,8 +71,9 @@ def _gather(
 ) -> None:
     for k in range(len(index)):
         n = index[k]
-        seen[0, k] = max(gap[n], SMALLEST_GAP_M)
+        is_near = gap[n] < FURTHEST_LEADER_M
+        seen[0, k] = max(gap[n], SMALLEST_GAP_M) if is_near else FURTHEST_LEADER_M
         seen[1, k] = speed[n]
         seen[2, k] = accel[n]
-        seen[3, k] = speed[n] - leader_speed[n]
-        seen[4, k] = leader_accel[n]
+        seen[3, k] = speed[n] - leader_speed[n] if is_near else 0.0
+        seen[4, k] = leader_accel[n] if is_near else 0.0

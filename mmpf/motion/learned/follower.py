@@ -8,12 +8,10 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.learned.features import SITUATION_SIZE, situation, write_situations
+from mmpf.motion.learned.features import FURTHEST_LEADER_M, SITUATION_SIZE, situation, write_situations
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import ACCEL, SPEED
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
-
-FURTHEST_LEADER_M = 100.0
 
 
 class Follower(Protocol):

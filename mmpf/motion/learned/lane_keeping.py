@@ -84,7 +84,7 @@ class LaneKeeper:
         may_begin &= ~surroundings.is_hidden
         changes = after[0] != 0.0
         index = np.flatnonzero(changes)
-        may_begin[index] &= (after[:, index] != aims[:, index]).any(axis=0)
+        may_begin[index] &= (after[0, index] != aims[0, index]) | (after[1, index] != aims[1, index])
         return log_ratio_of_begun(
             changes,
             may_begin,

@@ -15,7 +15,7 @@ import numpy as np
 
 from mmpf.motion.idm import IdmParameters
 from mmpf.motion.learned.features import SITUATION_SIZE, log_headway
-from mmpf.motion.learned.follower import FURTHEST_LEADER_M, follows, seen_by, situations
+from mmpf.motion.learned.follower import follows, seen_by, situations
 from mmpf.motion.learned.network_file import read_network, save_network
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import SPEED
@@ -97,7 +97,7 @@ class ResidualFollower:
     ) -> FloatArray:
         """Return what the network makes of the situation and let the noise go on; see ``Follower``."""
         seen = inputs_of(index, state, leader, INPUTS)
-        seen[SITUATION_SIZE:] = drivers[:, index]
+        seen[SITUATION_SIZE:] = drivers.take(index, axis=1)
         accel = np.empty(len(index))
         lag = lag_of_step(self.network.lag, dt_s)
         in_shares(lambda begin, end: _forward(begin, end, seen, self.network, lag, accel), len(index), 20.0, BLOCK)
@@ -106,9 +106,8 @@ class ResidualFollower:
 
 
 def inputs_of(index: IntArray, state: FloatArray, leader: Neighbour, rows: int) -> Float32Array:
-    """Return situations in the first of ``rows`` rows, shape (rows, k): of those without a leader, behind a far one."""
-    seen, alone = seen_by(index, state, leader, rows), ~follows(leader)[index]
-    seen[0, alone], seen[3, alone], seen[4, alone] = np.log(FURTHEST_LEADER_M), 0.0, 0.0
+    """Return situations in the first of ``rows`` rows, shape (rows, k), with no leader's acceleration out of bounds."""
+    seen = seen_by(index, state, leader, rows)
     np.clip(seen[SITUATION_SIZE - 1], *STRONGEST_LEADER_MPS2, out=seen[SITUATION_SIZE - 1])
     return seen
 
