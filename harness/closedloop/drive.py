@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from harness.closedloop.figure import drive_charts
 from harness.closedloop.plan import CROSS, TRACKED_S, DriveRequest, PlannedDrive, plan_drives
-from harness.closedloop.summary import as_markdown, as_values, scores
+from harness.closedloop.summary import as_markdown, as_values, drive_charts, scores
 from harness.common.charts import draw_charts
 from harness.common.errors import InputError
 from harness.common.files import write_text

@@ -10,10 +10,11 @@ import numpy as np
 
 from harness.closedloop.beliefs import TRUTH
 from harness.closedloop.plan import CROSS, DARK, FREE, KIND, PROVOKED, STOPPED
+from harness.common.charts import Charts, curves, lines_of
 from harness.common.effects import paired_effect
 from harness.common.intervals import possible_ci
 from harness.common.markdown import markdown_table
-from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, KM, NO_CANDIDATE, QUANTITIES
+from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, KM, NO_CANDIDATE, QUANTITIES, TTC
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 ALL, PROVOKED_ONES, FREE_ONES = "all", "provoked", "free"
 SEEN_BEFORE, NEVER_SEEN = "cross, seen before", "cross, never seen"
+CHARTED = (COLLIDED, TTC, HARD_BRAKES)
 UNPAIRED = (IMPACT,)
 """What only some episodes have, other ones with each belief, so that no pairs are left."""
 WORST_LISTED = 60
@@ -252,3 +254,20 @@ def _collisions(table: pd.DataFrame) -> list[str]:
 def as_values(found: Sequence[Score]) -> list[dict[str, Any]]:
     """Return scores as plain values."""
     return [asdict(score) for score in found]
+
+
+def drive_charts(found: Sequence[Score]) -> Charts:
+    """Return means with 95 % intervals of collisions, short times to collision and hard brakes, by belief."""
+    lines, charts = lines_of([f"{kind} episodes" for kind in dict.fromkeys(score.episodes for score in found)]), []
+    for metric in CHARTED:
+        title = next(quantity.label for quantity in QUANTITIES if quantity.key == metric)
+        rows = []
+        for score in found:
+            if score.metric == metric and score.mean is not None:
+                low, high = score.ci95 or (None, None)
+                row = {"series": f"{score.episodes} episodes", "place": score.belief, "mean": score.mean}
+                rows.append({**row, "low": None if low is None else max(low, 0.0), "high": high})
+        if rows:
+            tooltip = (("place", "driven by"), ("series", "episodes"), ("mean", title))
+            charts.append(curves(title, f"{title}, by belief", "driven by", rows, lines, tooltip))
+    return Charts(tuple(charts), lines, "Means of the episodes with 95 % intervals.")

@@ -72,9 +72,9 @@ class RecordedRun:
         """Return the ground beside the main lanes on which vehicles drive, such as ramps.
 
         Returns:
-            Outlines in the road frame, each of shape (n, 2); none in the plane, where every lane is known.
+            Outlines in the road frame, each of shape (n, 2); none of a road without main lanes.
         """
-        if self.road.has_headings:
+        if not self.road.lanes:
             return []
         rows = self.truth[~self.road.on_a_lane(floats(self.truth, "lon_m"), floats(self.truth, "lat_m"))]
         rows = rows.sort_values(["vehicle_id", "step"], kind="stable")

@@ -47,6 +47,7 @@ from time import monotonic
 import numpy as np
 
 from harness.common.errors import InputError, RunError
+from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
 from mmpf.scan import BodyHeadings, BodySizes, Detections, Scan, check_scan
 from mmpf.tracks import TRACK_STATES, Tracks
@@ -107,7 +108,7 @@ def _seconds(name: str, value: object) -> float:
 def setting_lines(setting: TrackerSetting, options: Mapping[str, object]) -> Iterator[str]:
     """Yield the lines that a program receives before the first scan."""
     road = setting.road
-    yield f"protocol 1\nframe {'plane' if road.has_headings else 'road'}\nstep_s {setting.step_s!r}\n"
+    yield f"protocol 1\nframe {'plane' if is_in_plane(setting) else 'road'}\nstep_s {setting.step_s!r}\n"
     yield f"seed {setting.rng.integers(2**31)}\n"
     for column in fields(setting.sensor):
         yield f"sensor.{column.name} {float(getattr(setting.sensor, column.name))!r}\n"

@@ -67,13 +67,17 @@ class ManoeuvrePart:
     same_id: IntArray
 
 
-def manoeuvres(rows: RunRows) -> IntArray:
+def manoeuvres(rows: RunRows) -> IntArray | None:
     """Return what each vehicle does at each step, an index into ``MANOEUVRES``, shape (n,) along ``TruthRows``.
+
+    None on a road with a frame of its own, along which everybody goes straight on.
 
     A vehicle turns where its heading changes by more than ``TURN_RATE_RADPS`` on average over the second before and the
     second after; one that does not is oncoming if it heads against the ego, and goes straight on otherwise, be it along
     or across the ego's way. Whoever is on a roundabout does that, whichever way it turns.
     """
+    if not rows.has_headings:
+        return None
     truth = rows.truth
     rate = heading_rate(truth)
     code = np.where(rate > 0.0, LEFT, RIGHT)
@@ -108,9 +112,9 @@ def heading_rate(truth: TruthRows) -> FloatArray:
 def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart | None:
     """Count in a stretch; None on a road with a frame of its own."""
     rows, errors = evidence.rows, evidence.errors
-    if not rows.has_headings:
-        return None
     code = manoeuvres(rows)
+    if code is None:
+        return None
     kept = scored_rows(rows, evidence.history, evidence.settings)
     of_kept, hidden = code[kept], errors.state == HIDDEN
     followed = errors.tracked & ~hidden

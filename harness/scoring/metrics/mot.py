@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from harness.scoring.evidence.assignment import best_assignment
+from harness.scoring.evidence.pairs import GATE_SIMILARITY
 from harness.scoring.evidence.sequence import MotSequence
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.clear import ClearScores, clear
 from harness.scoring.metrics.hota import HotaPart, measure_hota
-from harness.scoring.metrics.identity import idf1, measure_identity
 from harness.scoring.metrics.parts import ROWS, Basis, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray
@@ -89,3 +90,25 @@ def multi_object_scores(part: MotPart, basis: Basis) -> dict[str, float]:  # noq
         "truth_n": truths,
         "tracks_n": part.accuracy.tracks,
     }
+
+
+def idf1(matched: int, rows: int) -> float:
+    """Return IDF1 of the counts of ``measure_identity``, or of their sums over parts without a common identity."""
+    return 2.0 * matched / rows if matched else 0.0
+
+
+def measure_identity(sequence: MotSequence) -> tuple[int, int]:
+    """Return how many truth rows have the right track, and how many rows of either kind there are.
+
+    One track counts for each vehicle over the whole sequence (Ristani et al. 2016).
+    """
+    rows = len(sequence.truth_step) + len(sequence.track_step)
+    gated = sequence.pair_similarity >= GATE_SIMILARITY
+    if not gated.any():
+        return 0, rows
+    truth = sequence.truth_identity[sequence.pair_truth[gated]]
+    track = sequence.track_identity[sequence.pair_track[gated]]
+    span = int(track.max()) + 1
+    couple, count = np.unique(truth * span + track, return_counts=True)
+    chosen = best_assignment(couple // span, couple % span, count.astype(np.float64))
+    return int(count[chosen].sum()), rows

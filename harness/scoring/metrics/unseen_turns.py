@@ -45,9 +45,10 @@ class TurnsPart:
 def measure_turns(evidence: Evidence) -> TurnsPart | None:
     """Count in a stretch; None on a road with a frame of its own."""
     rows, events = evidence.rows, evidence.events
-    if not rows.has_headings:
+    manoeuvre = manoeuvres(rows)
+    if manoeuvre is None:
         return None
-    code = manoeuvre_between(manoeuvres(rows), events.onset_row, events.return_row)
+    code = manoeuvre_between(manoeuvre, events.onset_row, events.return_row)
     turned = np.isin(code, (LEFT, RIGHT, ROUNDABOUT)) & (events.duration_s >= UNSEEN_S - TIME_TOLERANCE_S)
     onset, back = events.onset_row[turned], events.return_row[turned]
     holder = evidence.matching.holder[onset]

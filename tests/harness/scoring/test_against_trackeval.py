@@ -17,7 +17,7 @@ from harness.scoring.evidence.sequence import MotSequence, mot_sequence, select_
 from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.clear import clear
 from harness.scoring.metrics.hota import measure_hota
-from harness.scoring.metrics.identity import idf1, measure_identity
+from harness.scoring.metrics.mot import idf1, measure_identity
 from tests.harness.running.test_logged import STEPS, WRITERS, metrics_of, score
 from tests.harness.scoring.scenes import traffic
 
