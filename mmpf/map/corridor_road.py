@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -79,11 +79,6 @@ class CorridorRoad:
         index = self.lane_index_at(lon_m, lat_m)
         numbers = np.append(self.lane_table[:, 0], NO_LANE).astype(np.int64)
         return numbers[index]
-
-    def shifted(self, left_m: float) -> CorridorRoad:
-        """Return the road with its lanes so far to the left."""
-        lanes = (replace(lane, right_m=lane.right_m + left_m, left_m=lane.left_m + left_m) for lane in self.lanes)
-        return replace(self, lanes=tuple(lanes))
 
     def axis_of(self, heading_rad: FloatArray) -> FloatArray:
         """Return zeros: vehicles are measured along the road."""

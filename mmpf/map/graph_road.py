@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -64,10 +64,6 @@ class LaneGraphRoad:
     def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Undo ``to_cartesian`` for places of shape (n,)."""
         return self._line.to_road(x, y)
-
-    def shifted(self, left_m: float) -> LaneGraphRoad:
-        """Return the road with its lanes so far towards larger y; walls stay."""
-        return replace(self, graph=replace(self.graph, xy=self.graph.xy + np.array([0.0, left_m])))
 
     def axis_of(self, heading_rad: FloatArray) -> FloatArray:
         """Return the headings: vehicles are measured along their own."""
