@@ -66,6 +66,20 @@ def check_file(path: Path, parameter: str | None = None) -> None:
         raise InputError(f"{place} is a {what}")
 
 
+def require_file(path: Path, place: object) -> None:
+    """Refuse what is no regular file.
+
+    Args:
+        path: The file.
+        place: What names it, for the message.
+
+    Raises:
+        InputError: It does not exist, or is a folder, a pipe or a device.
+    """
+    if not path.is_file():
+        raise InputError(f"{place}: {path.name} does not exist, or is not a regular file")
+
+
 def read_text(path: Path, parameter: str | None = None) -> str:
     """Return the text of a file of settings or results.
 

@@ -12,6 +12,7 @@ from xml.sax import SAXException
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.common.untrusted_files import require_file
 from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
@@ -103,8 +104,7 @@ def read_net(path: Path, with_internal: bool = False) -> SumoNet:
     """
     import sumolib.net  # noqa: PLC0415  (heavy)
 
-    if not path.is_file():
-        raise InputError(f"{path}: the network file does not exist")
+    require_file(path, f"{path.parent}: the network file")
     try:
         net = sumolib.net.readNet(str(path), withInternal=with_internal)
         edges = net.getEdges(withInternal=False)

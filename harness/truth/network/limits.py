@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-import math
 import zlib
-from collections.abc import Mapping
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number, unpacked
+from harness.common.untrusted_files import number, require_file, unpacked
 
-FARTHEST_M = 1e8
-# Smallest (exclusive) and largest value of each attribute that is a number.
-LANE_LIMITS = {"speed": (0.0, 150.0), "length": (0.0, 1e6), "width": (0.0, 200.0), "index": (-1.0, 1e3)}
-TYPE_LIMITS = {
-    "length": (0.1, 60.0), "width": (0.1, 10.0), "height": (0.0, 20.0), "minGap": (-1e-9, 100.0), "tau": (0.0, 60.0),
-    "accel": (0.0, 50.0), "decel": (0.0, 50.0), "maxSpeed": (0.0, 150.0), "sigma": (-1e-9, 1.0),
-    "probability": (-1e-9, 1e9), "impatience": (-1e3, 1.0), "minGapLat": (-1e-9, 10.0), "maxSpeedLat": (-1e-9, 50.0),
-    "speedDev": (-1e-9, 2.0), "speedFactor": (0.0, 20.0),
+PLACE = Numbers(-1e8, 1e8)
+# Smallest and largest value of each attribute that is a number.
+LANE = {"speed": (1e-3, 150.0), "length": (1e-3, 1e6), "width": (1e-3, 200.0), "index": (0.0, 1e3)}
+TYPE = {
+    "length": (0.1, 60.0), "width": (0.1, 10.0), "height": (1e-3, 20.0), "minGap": (0.0, 100.0), "tau": (1e-3, 60.0),
+    "accel": (1e-3, 50.0), "decel": (1e-3, 50.0), "maxSpeed": (1e-3, 150.0), "sigma": (0.0, 1.0),
+    "probability": (0.0, 1e9), "impatience": (-1e3, 1.0), "minGapLat": (0.0, 10.0), "maxSpeedLat": (0.0, 50.0),
+    "speedDev": (0.0, 2.0), "speedFactor": (1e-3, 20.0),
 }  # fmt: skip
-LARGEST_OF_TYPE = 1e6
+OF_TYPE = Numbers(-1e6, 1e6)
 """Of all other numbers that describe a vehicle and its driver."""
-FLOW_LIMITS = {
-    "number": (-1.0, 1e6), "vehsPerHour": (-1e-9, 1e5), "perHour": (-1e-9, 1e5), "probability": (-1e-9, 1.0),
-    "begin": (-1.0, 1e9), "end": (-1.0, 1e9), "depart": (-1.0, 1e9), "departSpeed": (-1e-9, 150.0),
-    "arrivalSpeed": (-1e-9, 150.0), "departPos": (-1e6, 1e6), "arrivalPos": (-1e6, 1e6), "departLane": (-1.0, 1e3),
-    "arrivalLane": (-1.0, 1e3), "departPosLat": (-200.0, 200.0), "arrivalPosLat": (-200.0, 200.0),
+FLOW = {
+    "number": (0.0, 1e6), "vehsPerHour": (0.0, 1e5), "perHour": (0.0, 1e5), "probability": (0.0, 1.0),
+    "begin": (0.0, 1e9), "end": (0.0, 1e9), "depart": (0.0, 1e9), "departSpeed": (0.0, 150.0),
+    "arrivalSpeed": (0.0, 150.0), "departPos": (-1e6, 1e6), "arrivalPos": (-1e6, 1e6), "departLane": (0.0, 1e3),
+    "arrivalLane": (0.0, 1e3), "departPosLat": (-200.0, 200.0), "arrivalPosLat": (-200.0, 200.0),
 }  # fmt: skip
-LIMITS: Mapping[str, Mapping[str, tuple[float, float]]] = {
-    "lane": LANE_LIMITS,
-    "vType": TYPE_LIMITS,
-    "flow": FLOW_LIMITS,
-    "vehicle": FLOW_LIMITS,
-    "trip": FLOW_LIMITS,
-}
+OF_TAGS = {"lane": LANE, "vType": TYPE, "flow": FLOW, "vehicle": FLOW, "trip": FLOW}
+LIMITS = {tag: {name: Numbers(*ends) for name, ends in table.items()} for tag, table in OF_TAGS.items()}
 
 
 def check_xml(path: Path) -> None:
@@ -43,8 +37,7 @@ def check_xml(path: Path) -> None:
     Raises:
         InputError: It is not well-formed, or holds a value beyond what a road or vehicle can have.
     """
-    if not path.is_file():
-        raise InputError(f"`net`: {path} does not exist or is not a regular file")
+    require_file(path, f"`net`: {path.parent}")
     root: Element | None = None
     try:
         with unpacked(path) as file:
@@ -74,21 +67,13 @@ def check_names_no_place(path: Path) -> None:
 
 
 def _check_element(element: Element, path: Path) -> None:
-    for name, (above, most) in LIMITS.get(element.tag, {}).items():
-        text = element.get(name)
-        value = _number(text)
-        if value is not None and not above < value <= most:
-            who = element.get("id", "?")[:60]
-            raise InputError(f"{path}: {element.tag} {who} has {name} {text}; give {max(above, 0.0):g} to {most:g}")
+    allowed = LIMITS.get(element.tag, {})
     if element.tag == "vType":
-        for name, text in element.items():
-            value = None if name == "id" else _number(text)
-            if value is not None and not abs(value) <= LARGEST_OF_TYPE:
-                who = element.get("id", "?")[:60]
-                raise InputError(f"{path}: vType {who} has {name} {text[:40]}; no driver is described by that")
-    for name in ("shape", "pos"):
-        text = element.get(name)
-        if text and element.tag in ("lane", "edge", "junction"):
+        allowed = dict.fromkeys(set(element.keys()) - {"id"}, OF_TYPE) | allowed
+    given = {name: value for name in allowed if (value := _number(element.get(name))) is not None}
+    check_numbers(path, given, allowed, f"{element.tag} {element.get('id', '?')[:60]}")
+    for text in filter(None, map(element.get, ("shape", "pos"))):
+        if element.tag in ("lane", "edge", "junction"):
             _check_shape(text, element, path)
 
 
@@ -106,10 +91,8 @@ def _number(text: str | None) -> float | None:
 
 
 def _check_shape(text: str, element: Element, path: Path) -> None:
+    who = f"{element.tag} {element.get('id', '?')[:60]}"
     try:
-        values = [number(word) for point in text.split() for word in point.split(",")]
-    except ValueError:
-        values = [math.nan]
-    if not all(abs(value) <= FARTHEST_M for value in values):
-        who = element.get("id", "?")[:60]
-        raise InputError(f"{path}: the shape of {element.tag} {who} is no list of points within {FARTHEST_M:g} m")
+        PLACE.check("the shape", [number(word) for point in text.split() for word in point.split(",")], who)
+    except ValueError as error:
+        raise InputError(f"{path}: the shape of {who} is no list of points: {error}") from None

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
-from harness.common.untrusted_files import checked_path
+from harness.common.untrusted_files import checked_path, require_file
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium
 from harness.truth.network.lanegraph import PlaneNetwork, read_lane_graph
@@ -186,8 +186,8 @@ def load_network(name_or_path: str) -> Network:
             return _from_metadata(folder, name_or_path)
     # Whoever drives on it may do so from another folder.
     path = Path(os.path.abspath(checked_path(Path(name_or_path), "net")))
-    if path.suffix == ".sumocfg" and not path.is_file() and not path.is_dir():
-        raise InputError(f"`net` {name_or_path}: the file does not exist, or is not a regular file")
+    if path.suffix == ".sumocfg" and not path.is_dir():
+        require_file(path, f"`net` {name_or_path}")
     if path.is_dir() or path.suffix == ".sumocfg":
         compile_kernels()
         beside = path.iterdir() if path.is_dir() else path.parent.iterdir()
@@ -257,8 +257,7 @@ def _from_metadata(folder: Path, name: str) -> Network:
     net_file = folder / content.net_file
     net = read_net(net_file)
     types_file = folder / content.vehicle_types_file
-    if not types_file.is_file():
-        raise InputError(f"{folder / METADATA_FILE}: vehicle_types_file {content.vehicle_types_file} does not exist")
+    require_file(types_file, f"{folder / METADATA_FILE}: vehicle_types_file")
     corridor = corridor_from_net(net, content.corridor, content.corridor_start_m)
     unknown = sorted(set(content.ego_lanes) - {lane.number for lane in corridor.lanes})
     if unknown:
@@ -286,8 +285,7 @@ def _in_plane(folder: Path, name: str, content: PlaneNetworkFile) -> Network:
     routes = folder / content.routes_file
     additional = () if content.poly_file is None else (folder / content.poly_file,)
     for file in (routes, *additional):
-        if not file.is_file():
-            raise InputError(f"{folder / METADATA_FILE}: it names {file.name}, which does not exist")
+        require_file(file, f"{folder / METADATA_FILE}: of what it names")
     net_file = folder / content.net_file
     plane = read_lane_graph(net_file)
     options = (("lateral-resolution", LATERAL_RESOLUTION_M), ("time-to-teleport", "-1"), ("collision.action", "warn"))

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import ParseError, parse
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number
+from harness.common.untrusted_files import number, require_file
 
 FILE_OPTIONS = {
     "net-file": ("net-file", "net", "n"),
@@ -37,9 +38,11 @@ BEHAVIOUR = frozenset(
     }
 )
 PLAIN_VALUE = re.compile(r"[A-Za-z0-9_.:+-]{1,40}")
-LIMITS_OF_BEHAVIOUR = {
-    "scale": (0.0, 20.0), "lateral-resolution": (0.05, 10.0), "default.emergencydecel": (0.0, 50.0),
-    "default.speeddev": (0.0, 2.0), "lanechange.duration": (0.0, 60.0), "collision.mingap-factor": (-1.0, 100.0),
+SECONDS = Numbers(-1e9, 1e9)
+NUMBERS_OF_BEHAVIOUR = {
+    "scale": Numbers(0.0, 20.0), "lateral-resolution": Numbers(0.05, 10.0), "default.speeddev": Numbers(0.0, 2.0),
+    "default.emergencydecel": Numbers(0.0, 50.0), "lanechange.duration": Numbers(0.0, 60.0),
+    "collision.mingap-factor": Numbers(-1.0, 100.0),
 }  # fmt: skip
 
 
@@ -60,8 +63,7 @@ def read_sumocfg(path: Path) -> SumoInputs:
     Raises:
         InputError: A file is missing, malformed or beyond the limits, or no network is named.
     """
-    if not path.is_file():
-        raise InputError(f"`net` {path}: the file does not exist, or is not a regular file")
+    require_file(path, f"`net` {path}")
     try:
         root = parse(path).getroot()
     except (ParseError, UnicodeDecodeError, OSError, ValueError) as error:
@@ -71,8 +73,7 @@ def read_sumocfg(path: Path) -> SumoInputs:
     if len(named["net-file"]) != 1:
         raise InputError(f"`net` {path}: it must name one net-file")
     for file in (*named["route-files"], *named["additional-files"]):
-        if not file.is_file():
-            raise InputError(f"`net` {path}: it names {file.name}, which does not exist or is not a regular file")
+        require_file(file, f"`net` {path}: of what it names")
     options = [*_times(path, values), *_behaviour(path, values)]
     known = {alias for aliases in (*FILE_OPTIONS.values(), *TIMES.values()) for alias in aliases}
     left_out = sorted({name for name in values if name not in known | OWN | BEHAVIOUR} - {root.tag})
@@ -91,12 +92,7 @@ def _times(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
         text = next((values[alias] for alias in aliases if values.get(alias)), "")
         if not text:
             continue
-        try:
-            seconds = number(text)
-        except ValueError:
-            seconds = math.nan
-        if not abs(seconds) <= 1e9:
-            raise InputError(f"`net` {path}: {option} must be a number of seconds")
+        check_numbers(f"`net` {path}", {option: _finite(text)}, {option: SECONDS}, "the configuration", "give seconds")
         # The run itself decides when it ends.
         if option == "begin":
             taken.append((option, text))
@@ -110,18 +106,17 @@ def _behaviour(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
         if not PLAIN_VALUE.fullmatch(value):
             raise InputError(f"`net` {path}: {name} is {value[:40]!r}; give a plain number or word")
         taken.append((name, value))
-    for name, (least, most) in LIMITS_OF_BEHAVIOUR.items():
-        text = dict(taken).get(name)
-        if text is not None and not _within(text, least, most):
-            raise InputError(f"`net` {path}: {name} must be a number from {least:g} to {most:g}")
+    told = {name: _finite(text) for name, text in taken}
+    check_numbers(f"`net` {path}", told, NUMBERS_OF_BEHAVIOUR, "the configuration", "give a number")
     return taken
 
 
-def _within(text: str, least: float, most: float) -> bool:
+def _finite(text: str) -> float:
+    """Return the number that a text is; nan for what is none."""
     try:
-        return least <= number(text) <= most
+        return number(text)
     except ValueError:
-        return False
+        return math.nan
 
 
 def _named_files(path: Path, values: dict[str, str], aliases: tuple[str, ...]) -> list[Path]:

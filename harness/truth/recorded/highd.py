@@ -15,7 +15,7 @@ import pyarrow.csv
 
 from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number
+from harness.common.untrusted_files import number, require_file
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
@@ -47,10 +47,7 @@ def recording_files(path: Path) -> tuple[Path, Path, Path]:
     stem = tracks.name.removesuffix("_tracks.csv")
     files = (tracks, tracks.with_name(f"{stem}_tracksMeta.csv"), tracks.with_name(f"{stem}_recordingMeta.csv"))
     for file in files:
-        if not file.is_file():
-            raise InputError(
-                f"{path}: {file.name} is missing; a highD recording has tracks, tracksMeta and recordingMeta"
-            )
+        require_file(file, f"{path}: of highD's tracks, tracksMeta and recordingMeta")
     return files
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.recorded.order import Stays
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 # Vehicles that move or drive less than this say nothing about units.
 TELLING_DISTANCE_M = 10.0
@@ -57,44 +57,26 @@ def _check_sizes(stays: Stays, path: Path) -> None:
 def _check_jumps(stays: Stays, path: Path) -> None:
     rows, after = stays.rows, stays.starts[stays.jumps]
     before = after - 1
-    jump_m = np.abs(rows.lon_m[after] - rows.lon_m[before])
-    place_m = np.abs(rows.lon_m)
-    if stays.in_plane:
-        jump_m = np.hypot(jump_m, rows.lat_m[after] - rows.lat_m[before])
-        place_m = np.hypot(rows.lon_m, rows.lat_m)
-    _check_share(
-        [str(name) for name in stays.names[stays.jumps - 1]],
-        place_m[after] / np.maximum(place_m[before], 1e-6),
-        [f"jumps by {far:.1f} m at {time_s:.1f} s" for far, time_s in zip(jump_m, rows.time_s[after], strict=True)],
-        stays,
-        path,
-    )
+    across = rows.lat_m if stays.in_plane else np.zeros(len(rows))
+    jump_m = np.hypot(rows.lon_m[after] - rows.lon_m[before], across[after] - across[before])
+    place_m = np.hypot(rows.lon_m, across)
+    ratio = place_m[after] / np.maximum(place_m[before], 1e-6)
+    told = [f"jumps by {far:.1f} m at {time_s:.1f} s" for far, time_s in zip(jump_m, rows.time_s[after], strict=True)]
+    _check_share(stays.jumps - 1, ratio, told, stays, path)
 
 
 def _check_speeds(stays: Stays, path: Path) -> None:
+    """Refuse vehicles that move much farther or less far than their speed says, or the other way."""
     rows = stays.rows
     same = np.diff(rows.vehicle) == 0
     step_s = np.where(same, np.diff(rows.time_s), 0.0)
-    driven_m = 0.5 * (np.abs(rows.speed_mps[1:]) + np.abs(rows.speed_mps[:-1])) * step_s
-    moved_m = np.where(same, np.abs(_ahead_m(stays)), 0.0)
-    driven, moved = _sum_by_stay(driven_m, stays), _sum_by_stay(moved_m, stays)
-    _check_directions(step_s, same, stays, path)
-    telling = np.isfinite(driven) & (np.maximum(driven, moved) > TELLING_DISTANCE_M)
-    ratio = np.where(telling, moved / np.maximum(driven, 1e-6), 1.0)
-    wrong = np.flatnonzero((ratio < BELIEVABLE_RATIO[0]) | (ratio > BELIEVABLE_RATIO[1]))
-    told = [f"moves {moved[stay]:.1f} m while its speed says {driven[stay]:.1f} m" for stay in wrong]
-    _check_share([str(name) for name in stays.names[wrong]], ratio[wrong], told, stays, path)
-
-
-def _check_directions(step_s: FloatArray, same: BoolArray, stays: Stays, path: Path) -> None:
-    """Refuse vehicles that move one way while their speed says the other."""
-    rows = stays.rows
     driven = _sum_by_stay(0.5 * (rows.speed_mps[1:] + rows.speed_mps[:-1]) * step_s, stays)
     moved = _sum_by_stay(np.where(same, _ahead_m(stays), 0.0), stays)
-    telling = np.isfinite(driven) & (np.minimum(np.abs(driven), np.abs(moved)) > TELLING_DISTANCE_M)
-    wrong = np.flatnonzero(telling & (driven * moved < 0.0))
-    told = [f"moves {moved[stay]:+.1f} m along the road while its speed says {driven[stay]:+.1f} m" for stay in wrong]
-    _check_share([str(name) for name in stays.names[wrong]], np.zeros(len(wrong)), told, stays, path)
+    telling = np.isfinite(driven) & (np.maximum(np.abs(driven), np.abs(moved)) > TELLING_DISTANCE_M)
+    ratio = np.where(telling, moved / np.where(np.abs(driven) > 1e-6, driven, 1e-6), 1.0)
+    wrong = np.flatnonzero((ratio < BELIEVABLE_RATIO[0]) | (ratio > BELIEVABLE_RATIO[1]))
+    told = [f"moves {moved[stay]:+.1f} m while its speed says {driven[stay]:+.1f} m" for stay in wrong]
+    _check_share(wrong, ratio[wrong], told, stays, path)
 
 
 def _check_apart(stays: Stays, path: Path) -> None:
@@ -130,13 +112,14 @@ def _ahead_m(stays: Stays) -> FloatArray:
     return np.asarray(np.diff(rows.lon_m) * np.cos(heading) + np.diff(rows.lat_m) * np.sin(heading))
 
 
-def _check_share(names: list[str], ratio: FloatArray, told: list[str], stays: Stays, path: Path) -> None:
+def _check_share(wrong: IntArray, ratio: FloatArray, told: list[str], stays: Stays, path: Path) -> None:
     """Refuse contradictions that are many or that a wrong unit explains; a large recording has a few of other kinds."""
     by_unit = np.min(np.abs(np.log(np.maximum(ratio, 1e-9))[:, None] - np.log(UNIT_FACTORS)), axis=1) < SAME_FACTOR
-    many = len(names) > TOLERATED_SHARE * len(stays.starts)
+    many = len(wrong) > TOLERATED_SHARE * len(stays.starts)
     suspects = np.flatnonzero(by_unit | many)
     if len(suspects):
-        raise InputError(f"{path}: vehicle {names[suspects[0]]} {told[suspects[0]]}: mixed or wrong units?")
+        name = stays.names[wrong[suspects[0]]]
+        raise InputError(f"{path}: vehicle {name} {told[suspects[0]]}: mixed or wrong units?")
 
 
 def _sum_by_stay(values: FloatArray, stays: Stays) -> FloatArray:

@@ -108,8 +108,8 @@ def open_traffic(
             truth.warm_up(warm_up_s)
     except SumoError as error:
         truth.close()
-        if held is None:
-            # Nothing but the user's own files has been asked of SUMO yet, which reads vehicles only when they depart.
+        if held is None or not network.is_shipped:
+            # SUMO reads vehicles only when they depart, and of what types they are.
             raise InputError(f"`net`: SUMO refuses the input: {error.reason}") from error
         raise
     except BaseException:

@@ -182,7 +182,7 @@ def test_footpaths_are_no_lanes_and_a_scenario_of_them_alone_is_refused(tmp_path
 def test_vehicles_that_move_less_far_than_they_say_are_refused_whatever_their_direction(tmp_path):
     path = write_crossing(tmp_path / "t.xml")
     path.write_text(path.read_text().replace("<exact>8.0</exact></velocity>", "<exact>28.8</exact></velocity>"))
-    with pytest.raises(InputError, match=r"vehicle 1 moves 40\.\d m while its speed says 144\.\d m"):
+    with pytest.raises(InputError, match=r"vehicle 1 moves .40\.\d m while its speed says .144\.\d m"):
         opened(path)
 
 
