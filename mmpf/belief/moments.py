@@ -82,9 +82,9 @@ def component_moments(mixture: Mixture, chosen: IntArray | None = None, weight: 
 
 def effective_sizes(mixture: Mixture) -> FloatArray:
     """Return each component's effective sample size 1 / sum w^2, shape (m,)."""
-    effective_size = np.zeros(len(mixture))
-    _invert_sums_of_squares(np.exp(mixture.cloud.log_weight), mixture.starts, effective_size)
-    return effective_size
+    weight = np.exp(mixture.cloud.log_weight)
+    squares = totals(weight * weight, mixture.starts)
+    return np.divide(1.0, squares, out=np.zeros(len(mixture)), where=squares > 0.0)
 
 
 def gate_table(
@@ -147,10 +147,11 @@ def _accumulate_moments(
 
 
 @kernel(fastmath=True)
-def _invert_sums_of_squares(weight: FloatArray, starts: IntArray, effective_size: FloatArray) -> None:
+def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return the sum of each component's numbers, shape (m,)."""
+    total = np.zeros(len(starts) - 1)
     for m in range(len(starts) - 1):
-        own_weight = weight[starts[m] : starts[m + 1]]
-        squares = 0.0
-        for n in range(len(own_weight)):
-            squares += own_weight[n] * own_weight[n]
-        effective_size[m] = 1.0 / squares if squares > 0.0 else 0.0
+        own = weight[starts[m] : starts[m + 1]]
+        for n in range(len(own)):
+            total[m] += own[n]
+    return total

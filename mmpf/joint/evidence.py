@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.belief.mixture import Mixture
-from mmpf.belief.moments import Moments, gate_table
+from mmpf.belief.moments import Moments, gate_table, totals
 from mmpf.joint.sources import sources_of
 from mmpf.motion.heading_measurements import heading_ratio
 from mmpf.motion.lane_following import HEADING
@@ -22,8 +22,7 @@ FEWEST_EFFECTIVE = 10.0
 
 def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return weights that sum to one within each component, shape (n,)."""
-    weight = np.empty(len(log_weight))
-    _subtract_largest(log_weight, starts, weight)
+    weight = _below_largest(log_weight, starts)
     np.exp(weight, out=weight)
     return weight / np.repeat(totals(weight, starts), np.diff(starts))
 
@@ -76,8 +75,7 @@ def particle_factors(
 
 def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return logarithms of weights that sum to one within each component, none below 1e-300, shape (n,)."""
-    relative = np.empty(len(log_weight))
-    _subtract_largest(log_weight, starts, relative)
+    relative = _below_largest(log_weight, starts)
     log_total = np.log(totals(np.exp(relative), starts))
     relative -= np.repeat(log_total, np.diff(starts))
     return np.maximum(relative, LOG_SMALLEST)
@@ -89,26 +87,10 @@ def clutter_densities(detections: Detections, sensor: SensorModel) -> FloatArray
     return np.asarray(sensor.clutter_density_per_m2 * per_speed)
 
 
-@kernel(fastmath={"reassoc", "nsz"})
-def _subtract_largest(log_weight: FloatArray, starts: IntArray, relative: FloatArray) -> None:
-    for m in range(len(starts) - 1):
-        own, out = log_weight[starts[m] : starts[m + 1]], relative[starts[m] : starts[m + 1]]
-        largest = -np.inf
-        for n in range(len(own)):
-            largest = max(largest, own[n])
-        for n in range(len(own)):
-            out[n] = own[n] - largest
-
-
-@kernel(fastmath=True)
-def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
-    """Return the sum of each component's numbers, shape (m,)."""
-    total = np.zeros(len(starts) - 1)
-    for m in range(len(starts) - 1):
-        own = weight[starts[m] : starts[m + 1]]
-        for n in range(len(own)):
-            total[m] += own[n]
-    return total
+def _below_largest(log_weight: FloatArray, starts: IntArray) -> FloatArray:
+    """Return each particle's number less the largest of its component, shape (n,)."""
+    largest = np.maximum.reduceat(log_weight, starts[:-1]) if len(starts) > 1 else log_weight
+    return np.asarray(log_weight - np.repeat(largest, np.diff(starts)))
 
 
 @kernel(fastmath=True)
