@@ -159,6 +159,11 @@ class LaneGraph:
         return self.name != (NO_MAP,)
 
     @property
+    def states_limits(self) -> bool:
+        """Whether any lane's speed limit is known."""
+        return self.has_map and bool((self.speed_limit_mps < NO_LIMIT_MPS).any())
+
+    @property
     def signals(self) -> int:
         """How many signals there are."""
         return 0 if self.control is None else len(self.control.signal_name)

@@ -10,13 +10,20 @@ ends with sight, and the model goes on from the speed and acceleration that it l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
 
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
-from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
+from mmpf.motion.protocol import (
+    MotionModel,
+    Surroundings,
+    propagate_by_rewriting,
+    spreads_speed,
+    step_in_place,
+    without_limits,
+)
 from mmpf.motion.state import ACCEL
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.numerics.arrays import FloatArray
@@ -59,6 +66,10 @@ class Manoeuvring:
     def spreads_speed(self) -> bool:
         """What the inner model says."""
         return spreads_speed(self.inner)
+
+    def without_limits(self) -> Manoeuvring:
+        """Return the same around what the inner model says; see ``DrivesByLimits``."""
+        return replace(self, inner=without_limits(self.inner))
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the inner model's latents; nobody begins with a manoeuvre."""

@@ -14,7 +14,7 @@ import numpy as np
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, TURNING_STD, LaneFollowing, turn_of
-from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed
+from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed, without_limits
 from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried
@@ -102,4 +102,5 @@ class OffMapMotion:
 
 def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneFollowing | OffMapMotion:
     """Return how a model's vehicles move in the plane: along its lanes, or freely where no lanes are known."""
+    motion = motion if graph.states_limits else without_limits(motion)
     return LaneFollowing(motion, graph, DRIFT_STD) if graph.has_map else OffMapMotion(motion, TURNING_STD, DRIFT_STD)

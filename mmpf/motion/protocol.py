@@ -206,6 +206,19 @@ class TakesHeadings(Protocol):
         """
 
 
+@runtime_checkable
+class DrivesByLimits(Protocol):
+    """A motion model that drives otherwise where no map states a speed limit."""
+
+    def without_limits(self) -> MotionModel:
+        """Return the model for such a place."""
+
+
+def without_limits(motion: MotionModel) -> MotionModel:
+    """Return how a model's vehicles move where no map states a speed limit."""
+    return motion.without_limits() if isinstance(motion, DrivesByLimits) else motion
+
+
 def spreads_speed(motion: MotionModel) -> bool:
     """Return whether the model says that its own draws spread the longitudinal speed as widely as vehicles' speeds do.
 

@@ -311,7 +311,7 @@ EMPIRICAL_LIMITS = (
 )
 RESIDUAL_LIMITS = (
     "Trained on SUMO's drivers; a leader further than 100 m ahead counts as none. Across the lane, and without a "
-    "leader on a map of turns and limits, it is `gmm`.",
+    "leader on a network of roads, it is `gmm`.",
     "Half of the leaders were taken for somewhat different ones in training, and a fifth was left out; how far "
     "off, and how many, was set by hand.",
     "Beyond the range of its inputs in training it takes them for the range's end; IDM's part goes on.",

@@ -45,6 +45,9 @@ FOLLOWER = HABIT
 # Of drivers on a map so many desire what the road lets them go; the others go on as they do, and no faster than that.
 BY_ROAD_SHARE = 0.5
 SLOWEST_PACE = 0.3
+# Where no map states how fast one may go, a leader that is farther ahead than this, at a walking pace or more, says
+# nothing of its follower's speed.
+FOLLOWED_WITHIN_S, WALKING_MPS = 4.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,8 @@ class LearnedDriver:
         model: What was fitted.
         changer: Moves particles that are changing lanes.
         changes_lanes: Whether particles may take up lane changes.
+        goes_on: Whether who has no leader goes on as it does, its acceleration fading, since nothing is known of the
+            speed that it desires; roads only slow it down.
         name: Name in the registry.
         spreads_speed: Its accelerations are drawn, with each driver's habits, as widely as they were recorded; see
             ``mmpf.motion.protocol.spreads_speed``.
@@ -116,6 +121,7 @@ class LearnedDriver:
     model: DriverModel = field(default_factory=_committed_model)
     changer: LaneChanger = field(default_factory=LaneChanger)
     changes_lanes: bool = True
+    goes_on: bool = False
     name: str = "gmm"
     spreads_speed: ClassVar[bool] = True
 
@@ -137,7 +143,11 @@ class LearnedDriver:
         self._draw_drivers(state, latents, surroundings, dt_s, rng)
         leader = surroundings.leader
         followed = follows(leader)
-        if self.model.follower.drives_alone:
+        road_speed = latents[PACE] * surroundings.road_speed_mps
+        if self.goes_on:
+            followed &= leader.gap_m < FOLLOWED_WITHIN_S * np.maximum(state[SPEED], WALKING_MPS)
+            road_speed[road_speed > state[SPEED]] = np.inf
+        elif self.model.follower.drives_alone:
             followed |= np.isinf(surroundings.road_speed_mps)
         keeps_lane = latents[INTENTION] == 0.0
         followers = np.flatnonzero(followed & keeps_lane)
@@ -157,7 +167,7 @@ class LearnedDriver:
                 state,
                 after,
                 latents[DESIRED_SPEED],
-                latents[PACE] * surroundings.road_speed_mps,
+                road_speed,
                 latents[OFFSET],
                 surroundings.lane_right_m,
                 surroundings.lane_left_m,
@@ -176,6 +186,10 @@ class LearnedDriver:
         if len(changing):
             after[:, changing] = self._changing(state, latents, surroundings, changing, dt_s, rng)
         return after
+
+    def without_limits(self) -> LearnedDriver:
+        """Return the driver of whose desired speed nothing is known; see ``DrivesByLimits``."""
+        return replace(self, goes_on=True)
 
     def log_prior_over_tried(
         self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
@@ -231,6 +245,8 @@ class LearnedDriver:
         drawn[DESIRED_SPEED, index[rng.random(len(index)) < BY_ROAD_SHARE]] = np.inf
 
     def _desired_speed(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        if self.goes_on:
+            return np.full(state.shape[1], np.inf)
         free = self.model.free
         expected = state[SPEED] + free.desired_per_accel_s * state[ACCEL]
         desired = expected + free.desired_spread_mps * rng.standard_normal(state.shape[1])

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
-from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE
-from mmpf.motion.learned.driver import DESIRED_SPEED, PACE, LearnedDriver
-from mmpf.motion.state import SPEED
+from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE, without_map
+from mmpf.motion.learned.driver import DESIRED_SPEED, PACE, LearnedDriver, residual_driver
+from mmpf.motion.off_map import in_plane
+from mmpf.motion.state import ACCEL, SPEED
 from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds, turning_driver
+from mmpf.options.filter import FilterOptions
+from mmpf.scan import SensorModel
+from mmpf.tracker import RULES
 from tests.mmpf.map.scenes import arc, graph_of
-from tests.mmpf.motion.surroundings import around, states
+from tests.mmpf.motion.surroundings import around, states, vehicle
 
 DRIVER = TurningDriver(
     turning_mps2=2.0, slowing_mps2=1.5, looking_mps=3.0, strongest_mps2=1.2, pace=1.0, pace_spread=0.1
@@ -83,3 +87,40 @@ def test_where_nothing_is_known_of_the_road_nobody_drives_by_it() -> None:
     assert np.isfinite(drawn[DESIRED_SPEED]).all()
     assert (drawn[PACE] == 1.0).all()
     assert np.isfinite(after).all()
+
+
+def without_limits(speed_mps: float, accel_mps2: float, seconds: float, *, road_mps: float = np.inf, leader=None):
+    """Return the speeds of 4000 hidden drivers who know of no limit, after so many seconds."""
+    model, rng = residual_driver().without_limits(), np.random.default_rng(0)
+    state = states(4000, speed_mps)
+    state[ACCEL] = accel_mps2
+    latents = model.draw_latents(state, rng)
+    for _ in range(round(seconds / 0.1)):
+        seen = replace(around(state, leader, hidden=True), road_speed_mps=np.full(4000, road_mps))
+        state, latents = model.propagate(state, latents, seen, 0.1, rng)
+    return state[SPEED]
+
+
+@pytest.mark.parametrize("accel_mps2", [-1.0, 0.0, 1.0])
+def test_where_no_limit_is_known_acceleration_fades_by_its_time_constant(accel_mps2: float) -> None:
+    seconds, scale_s = 3.0, 1.0 / residual_driver().model.free.lag_per_s
+    gained = accel_mps2 * scale_s * -np.expm1(-seconds / scale_s)
+    assert without_limits(15.0, accel_mps2, seconds).mean() == pytest.approx(15.0 + gained, abs=0.1)
+
+
+def test_where_no_limit_is_known_a_road_slows_down_and_draws_nobody() -> None:
+    assert without_limits(10.0, 0.0, 3.0, road_mps=20.0).mean() == pytest.approx(10.0, abs=0.1)
+    assert without_limits(10.0, 0.0, 3.0, road_mps=6.0).mean() < 8.5
+
+
+def test_where_no_limit_is_known_only_a_near_leader_says_how_fast_to_go() -> None:
+    assert without_limits(10.0, 0.0, 3.0, leader=vehicle(4000, 60.0, 20.0)).mean() == pytest.approx(10.0, abs=0.1)
+    assert without_limits(10.0, 0.0, 3.0, leader=vehicle(4000, 15.0, 2.0)).mean() < 8.0
+
+
+def test_only_a_map_that_states_a_limit_tells_drivers_what_speed_they_desire() -> None:
+    known, driver = approach_and_turn(), residual_driver()
+    unknown = replace(known, speed_limit_mps=np.full(len(known), NO_LIMIT_MPS))
+    for motion in (driver, RULES["joint"](FilterOptions(), SensorModel()).motion(driver)):
+        moved = [in_plane(motion, graph).inner for graph in (known, unknown, without_map())]
+        assert [getattr(inner, "inner", inner).goes_on for inner in moved] == [False, True, True]
