@@ -16,7 +16,7 @@ from harness.storage.schema import TABLES
 from harness.trackers.protocol import AnyTracker
 from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.motion.state import LAT, LON
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
 from mmpf.stages.reporting import StepReport
 from mmpf.tracks import HIDDEN, Tracks
 
@@ -105,22 +105,25 @@ PLACE_DECIMALS = 2
 class ParticleKeeper:
     """Collects a few particles of every component at every step, of trackers that have particles."""
 
-    _steps: list[pd.DataFrame] = field(default_factory=list)
+    _steps: list[tuple[int, Float32Array]] = field(default_factory=list)
 
     def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Look at one step."""
         if not isinstance(tracker, ParticleFilter):
             return
         cloud = tracker.mixture.cloud
-        lon_lat = cloud.state[[LON, LAT]][:, systematic_sample(cloud, SHOWN_PER_COMPONENT)]
-        lon_m, lat_m = np.round(lon_lat, PLACE_DECIMALS).astype(np.float32)
-        self._steps.append(
-            pd.DataFrame({"step": np.full(len(lon_m), snapshot.frame.step), "lon_m": lon_m, "lat_m": lat_m})
-        )
+        shown = systematic_sample(cloud, SHOWN_PER_COMPONENT)
+        places = np.round([cloud.state[LON].take(shown), cloud.state[LAT].take(shown)], PLACE_DECIMALS)
+        self._steps.append((snapshot.frame.step, places.astype(np.float32)))
 
     def table(self) -> pd.DataFrame | None:
         """Return columns step, lon_m, lat_m; None without any particle."""
-        return pd.concat(self._steps, ignore_index=True) if self._steps else None
+        if not self._steps:
+            return None
+        steps, places = zip(*self._steps, strict=True)
+        lon_m, lat_m = np.concatenate(places, axis=1)
+        step = np.repeat(steps, [each.shape[1] for each in places])
+        return pd.DataFrame({"step": step, "lon_m": lon_m, "lat_m": lat_m})
 
     def forget(self) -> None:
         """Let go of the rows."""
