@@ -27,6 +27,9 @@ MMPF_DEFAULTS: dict[str, str | int] = {
 }
 
 
+MAP_BELIEFS = ("map", "map_shift_m", "lanes_left_out")
+
+
 class _Strict(WithoutTruthValues):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
@@ -117,10 +120,26 @@ class BeliefsConfig(_Strict):
     """Distance beyond which nothing is detected."""
     map: Literal["one-lane", "none"] | None = None
     """Lanes that trackers know: ``none``, or (main roads) ``one-lane``, as wide as all lanes; if not set, all lanes."""
+    map_shift_m: Annotated[float, Field(ge=-100.0, le=100.0)] | None = None
+    """Shift of the trackers' map to the left of the true one; to the north in the plane."""
+    lanes_left_out: tuple[int, ...] | None = None
+    """Numbers of main-road lanes that are missing in the trackers' map."""
+
+    @model_validator(mode="after")
+    def _no_map_has_no_lanes(self) -> Self:
+        idle = [name for name in ("map_shift_m", "lanes_left_out") if getattr(self, name)]
+        if self.map == "none" and idle:
+            raise ValueError(f"map none leaves no lanes to shift or leave out; leave out map or {' and '.join(idle)}")
+        return self
 
     def sheet(self) -> dict[str, float]:
         """Return what is believed otherwise than the data sheet says, by its names."""
-        return dict(self.model_dump(exclude_none=True, exclude={"noise_factor", "map"}))
+        return dict(self.model_dump(exclude_none=True, exclude={"noise_factor", *MAP_BELIEFS}))
+
+    @property
+    def of_the_map(self) -> bool:
+        """Whether the map is believed to be another than it is."""
+        return any(getattr(self, name) is not None for name in MAP_BELIEFS)
 
 
 class TrackerConfig(_Strict):

@@ -216,8 +216,8 @@ def as_believed(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:
         InputError: Together with the data sheet the beliefs make no sense.
     """
     believes = config.tracker.believes
-    if believes.map is not None:
-        snapshots = replace(snapshots, road=believed_map(snapshots.road, believes.map))
+    if believes.of_the_map:
+        snapshots = replace(snapshots, road=believed_map(snapshots.road, believes))
     return snapshots.believed(believes.sheet(), believes.noise_factor, tells_signals=config.tracker.knows_signals)
 
 

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from mmpf.map.reference_line import STRAIGHT, LineFrame
+from mmpf.map.reference_line import STRAIGHT, ReferenceLine
 from mmpf.map.road import NO_LANE, InReach, Lane, LaneLine
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -20,7 +20,7 @@ LONGEST_ROAD_M = 5000.0
 
 
 @dataclass(frozen=True)
-class CorridorRoad(LineFrame):
+class CorridorRoad:
     """Lanes along a reference line that carries the frame; see ``mmpf.map.road.Road``.
 
     Attributes:
@@ -41,6 +41,27 @@ class CorridorRoad(LineFrame):
     signals: ClassVar[int] = 0
 
     @cached_property
+    def _line(self) -> ReferenceLine:
+        return ReferenceLine(self.reference_xy, self.reference_start_m)
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether the frame is the Cartesian plane up to a turn and a shift."""
+        return self._line.is_straight
+
+    def heading_at(self, lon_m: FloatArray) -> FloatArray:
+        """Return the Cartesian direction of the reference line, radians, the shape of ``lon_m``."""
+        return self._line.heading_at(lon_m)
+
+    def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape."""
+        return self._line.to_cartesian(lon_m, lat_m)
+
+    def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Undo ``to_cartesian`` for places of shape (n,)."""
+        return self._line.to_road(x, y)
+
+    @cached_property
     def lane_table(self) -> FloatArray:
         """The lanes as rows of (number, right, left, start, end), metres, shape (lanes, 5), for compiled loops."""
         return np.array([[ln.number, ln.right_m, ln.left_m, ln.start_m, ln.end_m] for ln in self.lanes])
@@ -58,6 +79,11 @@ class CorridorRoad(LineFrame):
         index = self.lane_index_at(lon_m, lat_m)
         numbers = np.append(self.lane_table[:, 0], NO_LANE).astype(np.int64)
         return numbers[index]
+
+    def shifted(self, left_m: float) -> CorridorRoad:
+        """Return the road with its lanes so far to the left."""
+        lanes = (replace(lane, right_m=lane.right_m + left_m, left_m=lane.left_m + left_m) for lane in self.lanes)
+        return replace(self, lanes=tuple(lanes))
 
     def axis_of(self, heading_rad: FloatArray) -> FloatArray:
         """Return zeros: vehicles are measured along the road."""

@@ -106,6 +106,9 @@ class Road(Protocol):
     def heading_at(self, lon_m: FloatArray) -> FloatArray:
         """Return the Cartesian direction of the frame's longitudinal axis, radians, the shape of ``lon_m``."""
 
+    def shifted(self, left_m: float) -> Road:
+        """Return the road with its lanes so far to the left, of lanes of any shape towards larger y."""
+
     def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Map positions to Cartesian x and y, metres, in the arguments' shape."""
 

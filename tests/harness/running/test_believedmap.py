@@ -17,9 +17,11 @@ from mmpf.map.road import Lane
 CROSSING = Path(__file__).parents[1] / "truth" / "network" / "nets" / "crossing.net.xml"
 
 
-def told(road, what):
-    """Return the road as a tracker is told it under this setting of its beliefs."""
-    return believed_map(road, resolve_run_config(settings=[f"tracker.believes.map={what}"]).tracker.believes.map)
+def told(road, *settings):
+    """Return the road as a tracker is told it under these settings of its beliefs."""
+    config = resolve_run_config(settings=[f"tracker.believes.{setting}" for setting in settings])
+    assert config.tracker.believes.of_the_map == bool(settings)
+    return believed_map(road, config.tracker.believes)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,7 @@ def crossing():
 
 @pytest.mark.parametrize("kind", ["main road", "crossing"])
 def test_without_a_map_there_is_no_lane_anywhere_and_no_wall(kind, crossing):
-    blind = told(highway() if kind == "main road" else crossing, "none")
+    blind = told(highway() if kind == "main road" else crossing, "map=none")
     place = np.linspace(-300.0, 900.0, 50)
     assert (blind.graph.lane_at(place, np.zeros(50), np.zeros(50)) == NOWHERE).all()
     assert not blind.lanes
@@ -38,22 +40,52 @@ def test_without_a_map_there_is_no_lane_anywhere_and_no_wall(kind, crossing):
 
 
 def test_one_lane_is_as_wide_as_all():
-    (lane,) = told(highway(lanes=5, lane_width_m=3.6), "one-lane").lanes
+    (lane,) = told(highway(lanes=5, lane_width_m=3.6), "map=one-lane").lanes
     assert (lane.right_m, lane.left_m) == (0.0, 18.0)
 
 
 def test_an_auxiliary_lane_is_no_part_of_the_one_lane():
     lanes = (Lane(1, 4.0, 8.0, -450.0, 1000.0), Lane(2, 0.0, 4.0, -450.0, 1000.0), Lane(3, -4.0, 0.0, 188.0, 411.0))
-    (lane,) = told(CorridorRoad(lanes), "one-lane").lanes
+    (lane,) = told(CorridorRoad(lanes), "map=one-lane").lanes
     assert lane == Lane(1, 0.0, 8.0, -450.0, 1000.0)
 
 
-def test_what_no_map_can_be_is_one_clear_line():
-    with pytest.raises(InputError, match=r"tracker\.believes\.map") as error:
-        told(highway(), "two")
+def test_lanes_are_left_out_by_their_numbers_and_shifted_to_the_left():
+    road = told(highway(), "lanes_left_out=[2,4]", "map_shift_m=0.5")
+    assert sorted(lane.number for lane in road.lanes) == [1, 3, 5]
+    rightmost = next(lane for lane in road.lanes if lane.number == 5)
+    assert (rightmost.right_m, rightmost.left_m) == (0.5, 4.16)
+
+
+def test_a_graph_is_shifted_to_the_north(crossing):
+    shifted = told(crossing, "map_shift_m=-1.5").graph
+    assert np.allclose(shifted.xy - crossing.graph.xy, [0.0, -1.5])
+    assert shifted.name == crossing.graph.name
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        (("lanes_left_out=[9]",), "the road has the lanes 1, 2, 3, 4, 5"),
+        (("map=two",), "map"),
+        (("map_shift_m=1e9",), "map_shift_m"),
+    ],
+)
+def test_what_no_map_can_be_is_one_clear_line(settings, problem):
+    with pytest.raises(InputError, match=problem) as error:
+        told(highway(), *settings)
     assert "\n" not in str(error.value)
 
 
-def test_on_a_graph_one_lane_is_refused(crossing):
-    with pytest.raises(InputError, match="networks with a main road"):
-        told(crossing, "one-lane")
+def test_on_a_graph_lanes_of_a_main_road_are_refused(crossing):
+    for setting in ("map=one-lane", "lanes_left_out=[1]"):
+        with pytest.raises(InputError, match="networks with a main road"):
+            told(crossing, setting)
+
+
+@pytest.mark.parametrize("idle", ["map_shift_m=0.5", "lanes_left_out=[2]"])
+def test_no_map_that_is_shifted_or_lacks_lanes_is_refused_in_one_line(idle):
+    name = idle.partition("=")[0]
+    with pytest.raises(InputError, match=f"^tracker.believes: map none leaves no lanes .* leave out map or {name}$"):
+        told(highway(), "map=none", idle)
+    assert told(highway(), "map=none", "map_shift_m=0").graph is not None
