@@ -36,8 +36,7 @@ from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
-from harness.truth.recorded.order import FASTEST_MPS, LONGEST_INTERVAL_S
-from harness.truth.recorded.plausible import TOLERATED_SHARE
+from harness.truth.recorded.order import LONGEST_INTERVAL_S, TOLERATED_SHARE, leaps
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.scan import Scan
@@ -232,14 +231,13 @@ def _check_moves(rows: pd.DataFrame, path: Path) -> None:
     pause_s = rows[KEYS].drop_duplicates().sort_values(KEYS).groupby("episode")["time_s"].diff().max()
     if pause_s > LONGEST_INTERVAL_S:
         raise InputError(f"`truth`: {path}: {pause_s:g} s pass between two of its times; mend the times, or cut it")
-    ordered = rows.sort_values("time_s").reset_index(drop=True)
-    moved = ordered.groupby(["episode", "id"])[["lon_m", "lat_m", "time_s"]].diff().to_numpy(dtype=np.float64)
-    far_m = np.hypot(moved[:, 0], moved[:, 1])
-    leaps = far_m > FASTEST_MPS * moved[:, 2]
-    if leaps.mean() > TOLERATED_SHARE or (leaps & ordered["is_ego"].to_numpy(dtype=bool)).any():
-        row = int(leaps.argmax())
-        who = str(ordered["id"].iloc[row])[:60]
-        raise InputError(f"`truth`: {path}: {who} leaps by {far_m[row]:.0f} m; mend places and times")
+    who = pd.factorize(pd.MultiIndex.from_frame(rows[["episode", "id"]].astype(str)))[0]
+    time_s, x_m, y_m = (rows[name].to_numpy(dtype=np.float64) for name in ("time_s", "lon_m", "lat_m"))
+    far = leaps(time_s, who.astype(np.int64), x_m, y_m)
+    if far.mean() > TOLERATED_SHARE or (far & rows["is_ego"].to_numpy(dtype=bool)).any():
+        row = int(far.argmax())
+        name = str(rows["id"].iloc[row])[:60]
+        raise InputError(f"`truth`: {path}: {name} leaps before {time_s[row]:g} s; mend places and times")
 
 
 def _samples(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:

@@ -86,12 +86,12 @@ def _number(name: str, meaning: str, unit: str | None = None, **more: object) ->
 
 
 SHARE, SIZE, TURN = Numbers(0.0, 1.0), Numbers(1e-6, 100.0), Numbers(-1e3, 1e3)
-COUNT, PLACE = Numbers(-1e9, 1e9), Numbers(-1e8, 1e8)
+COUNT, WHOLE, PLACE = Numbers(0.0, 1e9), Numbers(0, 1e9, whole=True), Numbers(-1e8, 1e8)
 _whole, _flag, _text = (partial(Column, kind) for kind in ("int64", "bool", "string"))
 
-STEP = _whole("step", "number of the step, from 0", numbers=COUNT)
+STEP = _whole("step", "number of the step, from 0", numbers=WHOLE)
 TIME = _number("time_s", "time since the first step", numbers=COUNT)
-EPISODE = _whole("episode", "number of the ego's stay; identities never connect across episodes", numbers=COUNT)
+EPISODE = _whole("episode", "number of the ego's stay; identities never connect across episodes", numbers=WHOLE)
 WHEN = (STEP, TIME, EPISODE)
 LON = _number("lon_m", "longitudinal position of the centre; in the plane, x", numbers=PLACE)
 LAT = _number("lat_m", "lateral position of the centre, positive to the left; in the plane, y", numbers=PLACE)
@@ -104,7 +104,7 @@ STDS = (
     _number("std_speed_mps", "standard deviation of `speed_mps`, likewise"),
 )
 VEHICLE = _text("vehicle_id", "name of the vehicle, as its source calls it")
-TRACK = _whole("track_id", "identity of the track, never used again", numbers=Numbers(-(2.0**53), 2.0**53))
+TRACK = _whole("track_id", "identity of the track, never used again", numbers=Numbers(-1, 2.0**53, whole=True))
 OR_NONE = replace(TRACK, meaning="identity of the track, -1 for none")
 STATE = _text("state", "how much of the vehicle the sensor sees", words=VISIBILITY_STATES)
 NO_SIZES = "the sensor measures no sizes"

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
+import numpy as np
+
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number, require_file, unpacked
+from harness.truth.network.polyline import doubles_back
 
 PLACE = Numbers(-1e8, 1e8)
 # Smallest and largest value of each attribute that is a number.
@@ -70,29 +74,30 @@ def _check_element(element: Element, path: Path) -> None:
     allowed = LIMITS.get(element.tag, {})
     if element.tag == "vType":
         allowed = dict.fromkeys(set(element.keys()) - {"id"}, OF_TYPE) | allowed
-    given = {name: value for name in allowed if (value := _number(element.get(name))) is not None}
+    given = {name: value for name in allowed if (value := _number(element.get(name, ""))) is not None}
     check_numbers(path, given, allowed, f"{element.tag} {element.get('id', '?')[:60]}")
     for text in filter(None, map(element.get, ("shape", "pos"))):
         if element.tag in ("lane", "edge", "junction"):
             _check_shape(text, element, path)
 
 
-def _number(text: str | None) -> float | None:
-    """Return the number that a text is; None for what is none, such as a distribution, which SUMO judges."""
-    if text is None:
-        return None
+def _number(text: str) -> float | None:
+    """Return the number that a text is; None for what begins like none, such as a distribution, or is a time of day."""
     # SUMO reads hexadecimal numbers where others are expected.
     for read in (float, float.fromhex) if "x" in text.lower() else (float,):
         try:
             return read(text)
         except (ValueError, OverflowError):
             continue
-    return None
+    return math.nan if text[:1] in "+-.0123456789" and text and ":" not in text else None
 
 
 def _check_shape(text: str, element: Element, path: Path) -> None:
     who = f"{element.tag} {element.get('id', '?')[:60]}"
     try:
-        PLACE.check("the shape", [number(word) for point in text.split() for word in point.split(",")], who)
+        points = [[number(word) for word in point.split(",")] for point in text.split()]
+        PLACE.check("the shape", [value for point in points for value in point], who)
+        if element.tag == "lane" and doubles_back(np.array(points)):
+            raise ValueError("it doubles back")
     except ValueError as error:
         raise InputError(f"{path}: the shape of {who} is no list of points: {error}") from None

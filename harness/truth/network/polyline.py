@@ -10,6 +10,7 @@ from harness.common.bounds import Numbers
 from mmpf.numerics.arrays import FloatArray
 
 POINT_M = Numbers(-1e7, 1e7)
+BACK, LONG_PIECE_M = -0.97, 10.0
 
 
 def length_of(line: FloatArray) -> float:
@@ -27,7 +28,17 @@ def checked_line(line: FloatArray, longest_m: float, what: str) -> FloatArray:
         raise ValueError(f"{what} needs two points or more")
     POINT_M.check(f"a point of {what}", line)
     Numbers(1e-9, longest_m).check(f"the length of {what}", length_of(line))
+    if doubles_back(line):
+        raise ValueError(f"{what} doubles back")
     return line
+
+
+def doubles_back(line: FloatArray) -> bool:
+    """Return whether a line turns back nearly on itself between two long pieces, as no edge of a lane does."""
+    steps = np.diff(line[:, :2], axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    along = (steps[1:] * steps[:-1]).sum(axis=1) / np.maximum(lengths[1:] * lengths[:-1], 1e-9)
+    return bool(((along < BACK) & (np.minimum(lengths[1:], lengths[:-1]) > LONG_PIECE_M)).any())
 
 
 def at_shares(line: FloatArray, shares: FloatArray) -> FloatArray:

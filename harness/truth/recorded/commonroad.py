@@ -217,7 +217,7 @@ def _state(state: Element) -> tuple[float, float, float, float, float]:
         _number(point, "x"),
         _number(point, "y"),
         _number(state, "orientation/exact"),
-        number(state.findtext("velocity/exact", "0")),
+        np.nan if state.find("velocity/exact") is None else _number(state, "velocity/exact"),
     )
 
 

@@ -11,7 +11,7 @@ from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.truth.network.polyline import POINT_M
 from harness.truth.recorded.rows import ReadTraffic, Rows
-from mmpf.numerics.arrays import IntArray, StringArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
 # Times closer together than this are one time.
 TIME_RESOLUTION_S = 1e-3
@@ -37,6 +37,8 @@ ROWS = {
 """What a row of traffic of any format may hold; else a unit is wrong."""
 # No vehicle moves faster; one that seems to is taken as another one from there on.
 JUMP_MPS, JUMP_M = 80.0, 1.0
+# So many contradictions are those of a large recording, not of a wrong unit.
+TOLERATED_SHARE = 0.01
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,15 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
         jumps=np.flatnonzero(jumps[starts]),
         in_plane=traffic.in_plane,
     )
+
+
+def leaps(time_s: FloatArray, who: IntArray, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
+    """Return which rows lie farther from the row before of the same thing than any vehicle moves, shape (n,)."""
+    order = np.lexsort((time_s, who))
+    step_s, far_m = np.diff(time_s[order]), np.hypot(np.diff(x_m[order]), np.diff(y_m[order]))
+    found = np.zeros(len(order), dtype=np.bool_)
+    found[order[1:]] = (np.diff(who[order]) == 0) & (far_m > JUMP_MPS * step_s + JUMP_M)
+    return found
 
 
 def _count_contradictions(rows: Rows, order: IntArray, repeated: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.truth.recorded.order import Stays
+from harness.truth.recorded.order import TOLERATED_SHARE, Stays
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 # Vehicles that move or drive less than this say nothing about units.
@@ -18,7 +18,6 @@ USUAL_LENGTH_RANGE_M = (2.5, 20.0)
 # Foot, kilometre per hour and mile per hour against metre and metre per second, either way.
 UNIT_FACTORS = np.array([0.3048, 1.0 / 0.3048, 3.6, 1.0 / 3.6, 0.44704, 1.0 / 0.44704])
 SAME_FACTOR = 0.03
-TOLERATED_SHARE = 0.01
 SIZE_CHANGE_RATIO, LONGEST_NAME = 2.0, 200
 # Boxes of vehicles side by side touch by errors of measurement; so deep within one another few ever are.
 DEEP_SHARE, MOST_WITHIN = 0.8, 0.05
@@ -40,15 +39,12 @@ def check_units(stays: Stays, path: Path) -> None:
 
 
 def _check_sizes(stays: Stays, path: Path) -> None:
-    length_m = stays.rows.length_m
-    longest = np.maximum.reduceat(length_m, stays.starts)
-    shortest = np.minimum.reduceat(length_m, stays.starts)
-    changing = np.flatnonzero(longest > SIZE_CHANGE_RATIO * np.maximum(shortest, 1e-9))
-    if len(changing):
-        stay = changing[0]
-        raise InputError(
-            f"{path}: vehicle {stays.names[stay]} is {shortest[stay]:.2f} and {longest[stay]:.2f} m long: mixed units?"
-        )
+    for size_m, how in ((stays.rows.width_m, "wide"), (stays.rows.length_m, "long")):
+        longest, shortest = (of.reduceat(size_m, stays.starts) for of in (np.maximum, np.minimum))
+        changing = np.flatnonzero(longest > SIZE_CHANGE_RATIO * np.maximum(shortest, 1e-9))
+        if len(changing):
+            name, least, most = stays.names[changing[0]], shortest[changing[0]], longest[changing[0]]
+            raise InputError(f"{path}: vehicle {name} is {least:.2f} and {most:.2f} m {how}: mixed units?")
     usual_m = float(np.median(longest))
     if len(longest) >= 3 and not USUAL_LENGTH_RANGE_M[0] <= usual_m <= USUAL_LENGTH_RANGE_M[1]:
         raise InputError(f"{path}: half of the vehicles would be no longer than {usual_m:.2f} m: wrong units?")

@@ -179,5 +179,7 @@ def _check(weights: FloatArray, means: FloatArray, covariances: FloatArray, inpu
         raise InvalidMixtureError("a weight, mean or covariance is not finite")
     if (weights <= 0.0).any() or abs(weights.sum() - 1.0) > 1e-6:
         raise InvalidMixtureError("weights must be positive and sum to one")
+    if not np.allclose(covariances, covariances.transpose(0, 2, 1)):
+        raise InvalidMixtureError("a covariance is not symmetric")
     if (np.linalg.eigvalsh(covariances)[:, 0] <= 0.0).any():
         raise InvalidMixtureError("a covariance is not positive definite")

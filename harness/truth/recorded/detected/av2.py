@@ -20,7 +20,7 @@ from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
-from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_way
+from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_moves, check_way
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPoses, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.numerics.arrays import FloatArray
@@ -117,6 +117,7 @@ def _read(log: Path, with_map: bool) -> Drive:
             [VEHICLES.get(kind, UNKNOWN_CLASS) for kind in boxes["category"].tolist()], dtype=np.int64
         ),
     )
+    check_moves(annotations, labels)
     seen = counts & (points >= FEWEST_POINTS)
     names_of = [column.name for column in fields(GivenBoxes) if column.name != "score"]
     columns = {name: getattr(labels, name)[seen] for name in names_of}

@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_way, numbers_of, words_of
+from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_moves, check_way, numbers_of, words_of
 from harness.truth.recorded.detected.recorded_drive import (
     Drive,
     EgoPoses,
@@ -139,7 +139,9 @@ def _labels(files: SequenceFiles, way: CameraWay) -> tuple[StringArray, Labels]:
     boxes = boxes_in_plane(files.labels, rows.frame, rows.box, way)
     classes = np.array([VEHICLES.get(kind, UNKNOWN_CLASS) for kind in rows.kind.tolist()], dtype=np.int64)
     known = {"thing": rows.thing, "counts": classes != UNKNOWN_CLASS, "covered": rows.covered}
-    return rows.names, sorted_by_step(Labels(**boxes.columns, **known, vehicle_class=classes))
+    labels = sorted_by_step(Labels(**boxes.columns, **known, vehicle_class=classes))
+    check_moves(files.labels, labels)
+    return rows.names, labels
 
 
 @dataclass(frozen=True)

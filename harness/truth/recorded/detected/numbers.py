@@ -9,6 +9,8 @@ import numpy as np
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file, number
+from harness.truth.recorded.detected.recorded_drive import Labels
+from harness.truth.recorded.order import TOLERATED_SHARE, leaps
 from mmpf.numerics.arrays import FloatArray
 
 FRAME, MOMENTS = Numbers(0, 100_000, whole=True), Numbers(1, 100_000)
@@ -67,6 +69,17 @@ def check_way(path: Path, place: FloatArray) -> None:
     """
     leap_m = np.hypot.reduce(np.diff(place, axis=0), axis=1)
     check_numbers(path, {"a pose": place, "the way to the next pose": leap_m}, WAY, lambda row: f"pose {row}")
+
+
+def check_moves(path: Path, labels: Labels) -> None:
+    """Refuse labels of which more than a few leap from one step to a later one, in the plane.
+
+    Raises:
+        InputError: They do.
+    """
+    far = leaps(labels.step / 10.0, labels.thing, labels.x_m, labels.y_m)
+    if far.mean() > TOLERATED_SHARE:
+        raise InputError(f"{path}: a thing leaps before frame {labels.step[far][0]}, and others do; fix the places")
 
 
 def check_boxes(path: Path, step: FloatArray, size: FloatArray, place: FloatArray) -> None:

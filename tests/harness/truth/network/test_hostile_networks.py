@@ -50,7 +50,7 @@ def replaced(name: str, value: str) -> str:
         ("speed", "0"), ("speed", "-1"), ("speed", "nan"), ("speed", "1e9"), ("length", "nan"), ("length", "0"),
         ("index", "-1"), ("speed", "0x10000"),
         ("length", "inf"), ("length", "-5"), ("width", "1e6"), ("width", "0"), ("width", "nan"),
-        ("shape", "0,0 nan,3"), ("shape", "0,0 1e300,1"), ("shape", "a,b"),
+        ("shape", "0,0 nan,3"), ("shape", "0,0 1e300,1"), ("shape", "a,b"), ("shape", "0,0 200,0 20,1 300,0"),
     ],
 )  # fmt: skip
 def test_a_lane_that_no_road_has_is_refused_in_one_line(name, value, tmp_path, capsys):
@@ -73,6 +73,7 @@ def test_a_lane_that_no_road_has_is_refused_in_one_line(name, value, tmp_path, c
         VEHICLES.replace("<route ", '<vType id="t" tau="inf"/><route '),
         VEHICLES.replace("<route ", '<vType id="t" speedDev="0x10"/><route '),
         VEHICLES.replace("<route ", '<vType id="t" lcAssertive="inf"/><route '),
+        VEHICLES.replace("<route ", '<vType id="t" maxSpeedLat="0.8f"/><route '),
         VEHICLES.replace("<route ", '<vType id="t" lcSpeedGain="-1e9"/><route '),
         VEHICLES.replace("<route ", '<vType id="t" maxSpeed="0x1p300"/><route '),
         VEHICLES[:60],

@@ -99,12 +99,13 @@ def test_the_same_seed_draws_the_same_samples(mixture, x):
         ([1.0], np.nan, 1.0, "not finite"),
         ([0.7], 0.0, 1.0, "sum to one"),
         ([1.0], 0.0, -1.0, "positive definite"),
+        ([1.0], 0.0, [[1.0, 0.0], [0.5, 1.0]], "symmetric"),
         ([0.5, 0.5], 0.0, 1.0, "do not fit"),
     ],
 )
 def test_what_is_no_mixture_is_refused_with_one_line(weights, mean, variance, message):
     with pytest.raises(InvalidMixtureError, match=message) as refusal:
-        ConditionalGmm(np.array(weights), np.full((1, 2), mean), variance * np.eye(2)[None], inputs=1)
+        ConditionalGmm(np.array(weights), np.full((1, 2), mean), np.dot(variance, np.eye(2))[None], inputs=1)
     assert "\n" not in str(refusal.value)
 
 

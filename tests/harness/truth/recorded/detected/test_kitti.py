@@ -113,6 +113,14 @@ def spoil(folder: Path, kind: str, line: int, word: int, value: str, separator: 
     return path
 
 
+def test_labels_that_leap_are_refused(tmp_path: Path) -> None:
+    folder = write_kitti(tmp_path)
+    for line in range(0, 40, 5):
+        spoil(folder, "label_02", line, 13, "300")
+    with pytest.raises(InputError, match="leaps before frame"):
+        read_kitti(folder)
+
+
 @pytest.mark.parametrize(
     ("kind", "line", "word", "value", "says"),
     [
