@@ -7,7 +7,7 @@ import pytest
 
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE, without_map
-from mmpf.motion.learned.driver import DESIRED_SPEED, PACE, LearnedDriver, residual_driver
+from mmpf.motion.learned.driver import DESIRED_SPEED, FADES_IN_S, PACE, LearnedDriver, residual_driver
 from mmpf.motion.off_map import in_plane
 from mmpf.motion.state import ACCEL, SPEED
 from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds, turning_driver
@@ -103,7 +103,7 @@ def without_limits(speed_mps: float, accel_mps2: float, seconds: float, *, road_
 
 @pytest.mark.parametrize("accel_mps2", [-1.0, 0.0, 1.0])
 def test_where_no_limit_is_known_acceleration_fades_by_its_time_constant(accel_mps2: float) -> None:
-    seconds, scale_s = 3.0, 1.0 / residual_driver().model.free.lag_per_s
+    seconds, scale_s = 3.0, FADES_IN_S
     gained = accel_mps2 * scale_s * -np.expm1(-seconds / scale_s)
     assert without_limits(15.0, accel_mps2, seconds).mean() == pytest.approx(15.0 + gained, abs=0.1)
 
