@@ -46,7 +46,8 @@ class Numbers:
             return  # by far the most common, in files of networks
         found = np.asarray(values)
         if found.dtype.kind not in "biuf":
-            raise ValueError(f"{name} holds something else than numbers")
+            odd = next((each for each in found.ravel().tolist() if not _is_number(each)), "texts")
+            raise ValueError(f"{name} holds {str(odd)[:40]!r}, not numbers")
         rows = found.reshape(len(found) if found.ndim else 1, -1).astype(np.float64) if found.size else np.zeros((0, 1))
         before = np.vstack([np.full((1, rows.shape[1]), -math.inf), rows[:-1]])
         faults = {
@@ -60,6 +61,10 @@ class Numbers:
                 place = divmod(int(wrong.argmax()), rows.shape[1])
                 row = of if isinstance(of, str) else of(place[0])
                 raise ValueError(f"{name}{row and f' of {row}'} {told.format(value=rows[place], before=before[place])}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) or (isinstance(value, str) and value.strip("+-.0123456789eE") == "")
 
 
 def row_number(row: int) -> str:

@@ -18,10 +18,12 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.named import named
 from harness.common.untrusted_files import check_file, checked_path, read_text
+from harness.truth.network.polyline import POINT_M
 from harness.truth.recorded.detected.kitti import (
     BOX,
     CameraWay,
@@ -40,6 +42,8 @@ TRUTH, DETECTIONS, TRACKS = "truth", "detections", "tracks"
 FORMATS = ("parquet", "csv", "kitti", "mot", "nuscenes", "mcap")
 KITTI_VEHICLES, KITTI_NOTHING = ("Car", "Van", "Truck"), "DontCare"
 NUSCENES_VEHICLES = ("car", "truck", "bus", "trailer")
+OF_LOGS = {"time_s": Numbers(), "lon_m": POINT_M, "lat_m": POINT_M}
+OF_POSES = dict.fromkeys(("heading_rad", "speed_mps", "length_m", "width_m"), Numbers())
 KITTI_WORDS, PIXELS_PER_M = 17, 100.0
 IDENTITIES = {TRUTH: "vehicle_id", TRACKS: "track_id", DETECTIONS: "truth_id"}
 OTHER_NAMES = {"x_m": "lon_m", "y_m": "lat_m", "timestamp_s": "time_s", "yaw_rad": "heading_rad"}
@@ -120,9 +124,7 @@ def _read(log: LogFile, name: str, files: Sequence[Path]) -> pd.DataFrame:
     timed = name in ("csv", "parquet") and log.role != TRUTH
     parts = [rows if "episode" in rows or timed else rows.assign(episode=k) for k, rows in enumerate(read)]
     rows = pd.concat(parts, ignore_index=True)
-    for column in ("time_s", "lon_m", "lat_m"):
-        if column in rows and not np.isfinite(rows[column].to_numpy(dtype=np.float64)).all():
-            raise InputError(f"{log.path}: {column} holds a value that is not finite")
+    check_numbers(log.path, rows, OF_LOGS)
     return rows
 
 
@@ -139,8 +141,7 @@ def _table(log: LogFile, path: Path) -> pd.DataFrame:
         rows[name] = rows[name].fillna("").astype(str)
     identity = IDENTITIES[log.role]
     needed = ["lon_m", "lat_m", *([] if log.role == DETECTIONS else [identity])]
-    if missing := [name for name in needed if name not in rows]:
-        raise InputError(f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(map(str, rows))[:200]}")
+    check_columns(path, rows.columns, needed)
     if "time_s" not in rows and "sample_token" not in rows:
         if "step" not in rows:
             raise InputError(f"{path} lacks the column time_s (or step)")
@@ -155,8 +156,8 @@ def read_poses_table(path: Path, step_s: float) -> pd.DataFrame:
     if split_topic(path)[0].suffix == ".mcap":
         return isolated(partial(named(bags, "format", "mcap"), path, EGO, None), f"`ego`: {path}").assign(episode=0)
     rows = isolated(partial(_table, LogFile(path, DETECTIONS, step_s=step_s), path), f"`ego`: {path}")
-    if "heading_rad" not in rows:
-        raise InputError(f"`ego`: {path} lacks the column heading_rad")
+    check_columns(f"`ego`: {path}", rows.columns, ["heading_rad"])
+    check_numbers(f"`ego`: {path}", rows, OF_LOGS | OF_POSES)
     return rows if "episode" in rows else rows.assign(episode=0)
 
 

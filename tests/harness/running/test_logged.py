@@ -391,11 +391,13 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
     log, truth = run.folder / runfolder.TRACKS, write_mot(tmp_path, "truth", 0.0)[0]
     (twice := tmp_path / "twice.txt").write_text(2 * truth.read_text())
     (leap := tmp_path / "leap.txt").write_text(truth.read_text().replace(",1,30.0,", ",1,300.0,"))
+    (poses := tmp_path / "poses.csv").write_text("time_s,lon_m,lat_m,heading_rad\n0,0,0..0,0\n")
     (late := tmp_path / "late.txt").write_text(truth.read_text().replace("\n20,", "\n200,").replace("\n3", "\n30"))
     (many := tmp_path / "many.txt").write_text("".join(f"1,{k},-1,-1,-1,-1,1,{k},0,-1\n" for k in range(3000)))
     calls = [
         (["--ego", "9"], twice, log, "is there twice at one time"),
         (["--ego", "9"], leap, log, "leaps before"),
+        (["--ego", str(poses)], truth, log, "lat_m holds "),
         (["--ego", "9"], late, log, "s pass between two of its times"),
         (["--ego", "9"], many, log, "3000 vehicles at one time"),
         (["--ego", "9"], truth, tmp_path / "none.csv", "--tracks"),

@@ -98,7 +98,7 @@ def test_errors_are_drawn_from_the_seed(tmp_path: Path) -> None:
         ("annotations.feather", lambda t: t.assign(timestamp_ns=t.timestamp_ns * 7), "the usual step"),
         ("annotations.feather", lambda t: t.iloc[:0], "no rows"),
         ("city_SE3_egovehicle.feather", lambda t: t.iloc[:-1], "lacks the pose"),
-        ("city_SE3_egovehicle.feather", lambda t: t.assign(tx_m="far"), "something else"),
+        ("city_SE3_egovehicle.feather", lambda t: t.assign(tx_m="far"), "tx_m holds 'far', not numbers"),
     ],
 )
 def test_broken_files_are_named(tmp_path: Path, name: str, change, says: str) -> None:  # type: ignore[no-untyped-def]
