@@ -45,9 +45,9 @@ class Numbers:
         if type(values) is float and math.isfinite(values) and self.least <= values <= self.most and not self.whole:
             return  # by far the most common, in files of networks
         found = np.asarray(values)
-        if found.dtype.kind not in "biuf":
+        if found.dtype.kind not in "iuf":
             odd = next((each for each in found.ravel().tolist() if not _is_number(each)), "texts")
-            raise ValueError(f"{name} holds {str(odd)[:40]!r}, not numbers")
+            raise ValueError(f"{name} holds {repr(odd)[:40]}, not numbers")
         rows = found.reshape(len(found) if found.ndim else 1, -1).astype(np.float64) if found.size else np.zeros((0, 1))
         before = np.vstack([np.full((1, rows.shape[1]), -math.inf), rows[:-1]])
         faults = {
@@ -64,7 +64,8 @@ class Numbers:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) or (isinstance(value, str) and value.strip("+-.0123456789eE") == "")
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number or (isinstance(value, str) and value.strip("+-.0123456789eE") == "")
 
 
 def row_number(row: int) -> str:

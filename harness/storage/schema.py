@@ -196,7 +196,7 @@ TABLES: dict[str, Table] = {
             *WHEN,
             *_seen(
                 TRACK, LON, LAT, LON_SPEED, LAT_SPEED, ACCEL, *STDS,
-                _number("existence", "probability that the track is a vehicle"),
+                _number("existence", "probability that the track is a vehicle", numbers=SHARE),
                 _text("state", "what it is to the tracker; `tentative` is not scored", words=REPORTED_STATES),
             ),
         ),
