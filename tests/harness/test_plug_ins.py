@@ -130,7 +130,7 @@ def test_a_file_is_never_taken_for_another_packages_format_that_nobody_names(exa
         ("with_rows(vehicle=1.0 * good.rows.vehicle)", "rows.vehicle is float64, not int64"),
         ("replace(good, vehicles_read=2)", "vehicles_read is 2, less than the vehicles"),
         ("1 / 0", "ZeroDivisionError: division by zero"),
-        ("with_rows(time_s=good.rows.time_s * np.nan)", "is missing or not finite"),
+        ("with_rows(time_s=good.rows.time_s * np.nan)", "time_s of vehicle car0 is missing or not finite"),
     ],
 )
 def test_a_reader_that_returns_nonsense_is_told_which_check_fails(returned, told, example, tmp_path):
