@@ -67,14 +67,14 @@ def _of_run(folder: Path, place: Path, kind: str) -> Iterator[Path]:
 
 
 def _failure_figures(run: RecordedRun) -> Iterator[Figure]:
-    """Yield the road from above at the moment at which each of the worst failures ends."""
+    """Yield the road from above at the moment at which each of the worst failures ends, with its vehicle named."""
     times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
     for failure in worst_failures(run):
         step = (times - (failure.until_s - AFTERWARDS_S)).abs().idxmin()
         truth, detections, tracks = (table[table["step"] == step] for table in (run.truth, run.detections, run.tracks))
         (snapshot,) = snapshots_of(truth, detections, run.road, run.sensor)
         seen = snapshot.frame, snapshot.observation
-        scene = PictureScene(*seen, tracks_of(tracks), run.road, run.sensor.range_m)
+        scene = PictureScene(*seen, tracks_of(tracks), run.road, run.sensor.range_m, named=failure.vehicle_id)
         yield scene_figure(scene, f"{snapshot.frame.time_s:.1f} s. {failure.sentence}")
 
 

@@ -48,7 +48,8 @@ MARGIN_M = 2.5
 class PictureScene:
     """One moment on the road: truth, what the sensor made of it, and the tracker of that, and the sensor's range.
 
-    ``particles`` are the longitudinal and lateral positions, shape (2, n); None of a tracker without any.
+    ``particles`` are the longitudinal and lateral positions, shape (2, n); None of a tracker without any. The vehicle
+    ``named`` is written at its place; empty for none.
     """
 
     frame: Frame
@@ -57,6 +58,7 @@ class PictureScene:
     road: Road
     range_m: float
     particles: FloatArray | None = None
+    named: str = ""
 
     @property
     def origin_m(self) -> float:
@@ -113,6 +115,7 @@ def draw_scene(axes: Axes, scene: PictureScene, window: tuple[float, float]) -> 
         lon_m, lat_m = scene.particles
         axes.plot(lon_m - origin, lat_m, ".", color=BLUE, ms=1.6, mew=0, alpha=0.45, zorder=5.5, rasterized=True)
     _draw_vehicles(axes, scene.frame, scene.observation, origin)
+    _name_vehicle(axes, scene)
     axes.plot(detections.lon_m - origin, detections.lat_m, "x", color="black", ms=5, mew=1.2, zorder=6)
     _draw_tracks(axes, scene.tracks, origin, window)
     low, high = _road_edges(scene)
@@ -251,6 +254,23 @@ def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: f
         patches.append(Rectangle(corner, length, width, angle=angle, rotation_point="center", **style))
     axes.add_collection(PatchCollection(patches, match_original=True, zorder=5), autolim=False)
     axes.text(0.0, frame.lat_m[frame.ego], "ego", color="white", size=7, ha="center", va="center", zorder=7)
+
+
+def _name_vehicle(axes: Axes, scene: PictureScene) -> None:
+    """Write the name of the vehicle that the picture is about below its body."""
+    frame, outline = scene.frame, [path_effects.withStroke(linewidth=2.5, foreground="white")]
+    for i in np.flatnonzero(frame.vehicle_id == scene.named):
+        axes.annotate(
+            scene.named,
+            (frame.lon_m[i] - scene.origin_m, frame.lat_m[i] - 0.5 * frame.width_m[i]),
+            size=9,
+            weight="bold",
+            ha="center",
+            va="top",
+            path_effects=outline,
+            zorder=9,
+            annotation_clip=True,
+        )
 
 
 def _draw_tracks(axes: Axes, tracks: Tracks, origin: float, window: tuple[float, float]) -> None:

@@ -67,7 +67,8 @@ def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
     observation = observed(frame, road)
     tracks, particles = tracked(frame, observation, np.random.default_rng(0))
     axes = Figure().subplots()
-    draw_scene(axes, PictureScene(frame, observation, tracks, road, 100.0, particles), (-102.5, 102.5))
+    named = str(frame.vehicle_id[3])
+    draw_scene(axes, PictureScene(frame, observation, tracks, road, 100.0, particles, named), (-102.5, 102.5))
     assert axes.get_aspect() == 1.0
     assert "metres" in axes.get_xlabel()
     assert "(m)" in axes.get_ylabel()
@@ -79,6 +80,8 @@ def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
     written = {text.get_text() for text in axes.texts}
     assert {str(number) for number in tracks.track_id} <= written
     assert "ego" in written
+    (name,) = (text for text in axes.texts if text.get_text() == named)
+    assert name.xy == pytest.approx((centres[3, 0], centres[3, 1] - 0.5 * frame.width_m[3]))
 
 
 def test_every_kind_of_thing_is_in_the_legend_once():
