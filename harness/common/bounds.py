@@ -12,6 +12,8 @@ import pandas as pd
 
 from harness.common.errors import InputError
 
+NONE = np.zeros(0, dtype=np.bool_)
+
 
 @dataclass(frozen=True)
 class Numbers:
@@ -49,12 +51,12 @@ class Numbers:
             odd = next((each for each in found.ravel().tolist() if not _is_number(each)), "texts")
             raise ValueError(f"{name} holds {repr(odd)[:40]}, not numbers")
         rows = found.reshape(len(found) if found.ndim else 1, -1).astype(np.float64) if found.size else np.zeros((0, 1))
-        before = np.vstack([np.full((1, rows.shape[1]), -math.inf), rows[:-1]])
+        before = np.vstack([np.full((1, rows.shape[1]), -math.inf), rows[:-1]]) if self.rising else rows
         faults = {
             "is missing or not finite": ~np.isfinite(rows) & ~(self.gaps & np.isnan(rows)),
             "is {value:g}, not a whole number": self.whole & np.isfinite(rows) & (rows != np.round(rows)),
             f"is {{value:g}}; {self.least:g} to {self.most:g} is believed": (rows < self.least) | (rows > self.most),
-            "goes back from {before:g} to {value:g}; put the rows in order": self.rising & ~(rows > before),
+            "goes back from {before:g} to {value:g}; put the rows in order": ~(rows > before) if self.rising else NONE,
         }
         for told, wrong in faults.items():
             if wrong.any():
