@@ -30,7 +30,7 @@ Watch = Callable[[Snapshot, Tracks, AnyTracker], object]
 class StageTimes:
     """Wall time of each stage in each step, seconds; of equal length after a finished step.
 
-    The loop waited ``waited_s`` for a look, which is less than truth and sensor took if they were made ahead.
+    The loop waited ``waited_s`` for a snapshot, which is less than truth and sensor took if it was made ahead.
     """
 
     truth_s: MutableSequence[float] = field(default_factory=lambda: array("d"))

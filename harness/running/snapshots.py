@@ -19,6 +19,7 @@ from mmpf.map.road import Road
 from mmpf.scan import SensorModel
 
 OWN_WORK = ProcessLimits(cpu_s=86_400, confined=False)
+"""Of the fork that makes a run's own snapshots; files from others were read before, in a fork that is confined."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,10 @@ class SnapshotStream:
         return replace(self, stream=stream, expected_steps=len(stream), close=lambda: None)
 
     def made_ahead(self) -> SnapshotStream:
-        """Return the same snapshots, made in a fork of this process, at most as far ahead as a pipe holds them."""
+        """Return the same snapshots, made in a fork of this process, at most as far ahead as a pipe holds them.
+
+        Going through them raises a RunError where making one fails or the fork is killed.
+        """
         stream = _from_fork(self.stream)
 
         def close() -> None:
