@@ -148,7 +148,12 @@ def _accumulate_moments(
 
 @kernel(fastmath=True)
 def totals(weight: FloatArray, starts: IntArray) -> FloatArray:
-    """Return the sum of each component's numbers, shape (m,)."""
+    """Return the sum of each component's numbers, shape (m,).
+
+    Args:
+        weight: A number of each particle, component after component, shape (n,).
+        starts: Where each component's particles begin, and where the last one's end, shape (m + 1,).
+    """
     total = np.zeros(len(starts) - 1)
     for m in range(len(starts) - 1):
         own = weight[starts[m] : starts[m + 1]]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from harness.trackers.mmpf import MODEL_LOADERS
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.model_file import ModelFileError
-from mmpf.motion.learned.driver import LearnedDriver, without_lane_changes
+from mmpf.motion.learned.driver import LearnedDriver
 from mmpf.motion.protocol import MotionModel, motion_models
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
@@ -132,4 +132,4 @@ def model_of(plan: StudyPlan, name: str, keeps_lane: bool) -> MotionModel:
             model = MODEL_LOADERS[name](plan.model_file)
         except ModelFileError as error:
             raise InputError(f"`model_file` {plan.model_file}: {error}") from error
-    return without_lane_changes(model) if keeps_lane and isinstance(model, LearnedDriver) else model
+    return replace(model, changes_lanes=False) if keeps_lane and isinstance(model, LearnedDriver) else model

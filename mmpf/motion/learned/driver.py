@@ -78,9 +78,6 @@ class FreeDriver:
         )
 
 
-FREE_FIELDS = tuple(field.name for field in fields(FreeDriver))
-
-
 @dataclass(frozen=True)
 class DriverModel:
     """All that is fitted for the learned driver.
@@ -317,7 +314,8 @@ def load_driver_model(path: Path) -> DriverModel:
         if name not in arrays or arrays[name].shape != (size,):
             raise ModelFileError(f"model file {path}: {name} must be {size} numbers")
         # Rates and deviations all of them, but for how much speed is desired per present acceleration.
-        signed = (FREE_FIELDS.index("desired_per_accel_s"),) if name == "free" else ()
+        free = [each.name for each in fields(FreeDriver)]
+        signed = [free.index("desired_per_accel_s")] if name == "free" else []
         if (np.delete(arrays[name], signed) < 0.0).any():
             raise ModelFileError(f"model file {path}: {name} holds a rate or deviation below 0, which none can be")
     return DriverModel(
@@ -329,11 +327,6 @@ def load_driver_model(path: Path) -> DriverModel:
         free=FreeDriver(*arrays["free"].tolist()),
         keeper=LaneKeeper(*arrays["lateral"].tolist(), *arrays["intention"].tolist()),
     )
-
-
-def without_lane_changes(driver: LearnedDriver) -> LearnedDriver:
-    """Return the driver that keeps its lane whatever happens."""
-    return replace(driver, changes_lanes=False)
 
 
 def save_driver(path: Path, model: DriverModel, follower: MixtureFollower) -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from mmpf.motion.learned.driver import HABIT, LearnedDriver, without_lane_changes
+from mmpf.motion.learned.driver import HABIT, LearnedDriver
 from mmpf.motion.learned.features import log_headway, situation
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import ACCEL, SPEED
@@ -48,7 +48,7 @@ def test_a_situation_is_log_gap_speed_acceleration_closing_speed_and_the_leaders
 @given(columns(-5.0, 99.0), columns(0.0, 40.0), columns(-8.0, 4.0), columns(0.0, 40.0), columns(-8.0, 4.0))
 @settings(max_examples=50, deadline=None)
 def test_in_use_the_mixture_is_asked_what_it_was_taught(gap, speed, accel, leader_speed, leader_accel):
-    driver = without_lane_changes(LearnedDriver())
+    driver = LearnedDriver(changes_lanes=False)
     listening = ListeningMixture()
     follower = replace(driver.model.follower, following=listening)
     driver = replace(driver, model=replace(driver.model, follower=follower))
@@ -63,7 +63,7 @@ def test_in_use_the_mixture_is_asked_what_it_was_taught(gap, speed, accel, leade
 
 
 def test_only_those_who_follow_are_asked_for_and_in_their_order():
-    driver = without_lane_changes(LearnedDriver())
+    driver = LearnedDriver(changes_lanes=False)
     listening = ListeningMixture()
     follower = replace(driver.model.follower, following=listening)
     driver = replace(driver, model=replace(driver.model, follower=follower))

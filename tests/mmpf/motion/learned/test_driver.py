@@ -13,7 +13,6 @@ from mmpf.motion.learned.driver import (
     TARGET,
     LearnedDriver,
     load_learned_driver,
-    without_lane_changes,
 )
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import load_short_driver, short_term_driver
@@ -36,19 +35,19 @@ def drive(model, state, steps, leader_speed, leader_lon=30.0, hidden=True):
 
 
 def test_it_takes_up_the_leaders_speed_without_running_into_it():
-    state, _, leader = drive(without_lane_changes(LearnedDriver()), states(500, 20.0), 300, 12.0)
+    state, _, leader = drive(LearnedDriver(changes_lanes=False), states(500, 20.0), 300, 12.0)
     assert state[SPEED].mean() == pytest.approx(12.0, abs=0.5)
     assert (leader - state[LON] > 0.0).mean() > 0.95
 
 
 def test_it_stops_behind_a_standing_leader():
-    state, _, leader = drive(without_lane_changes(LearnedDriver()), states(200, 8.0), 300, 0.0, leader_lon=60.0)
+    state, _, leader = drive(LearnedDriver(changes_lanes=False), states(200, 8.0), 300, 0.0, leader_lon=60.0)
     assert state[SPEED].mean() < 0.5
     assert 0.0 < np.median(leader - state[LON]) < 8.0
 
 
 def test_a_hidden_particle_keeps_its_driver_and_a_seen_one_gets_a_new_one_now_and_then():
-    model, rng = without_lane_changes(LearnedDriver()), np.random.default_rng(0)
+    model, rng = LearnedDriver(changes_lanes=False), np.random.default_rng(0)
     state = states(2000)
     ahead = vehicle(2000, 25.0, 20.0)
     _, first = model.propagate(state, model.draw_latents(state, rng), around(state, ahead), STEP_S, rng)
@@ -59,7 +58,7 @@ def test_a_hidden_particle_keeps_its_driver_and_a_seen_one_gets_a_new_one_now_an
 
 
 def test_lane_keepers_stay_in_their_lane():
-    state, _, _ = drive(without_lane_changes(LearnedDriver()), states(300, 20.0), 200, 20.0)
+    state, _, _ = drive(LearnedDriver(changes_lanes=False), states(300, 20.0), 200, 20.0)
     assert (np.abs(state[LAT] - 2.0) < 1.5).mean() > 0.97
 
 
@@ -191,7 +190,7 @@ def test_where_several_have_room_side_by_side_a_vehicle_keeps_its_own_place_and_
     state = states(500, 20.0, lat_m=3.0)
     wide = around(state)
     wide = replace(wide, lane_right_m=np.zeros(500), lane_left_m=np.full(500, 18.0))
-    model, rng = without_lane_changes(LearnedDriver()), np.random.default_rng(0)
+    model, rng = LearnedDriver(changes_lanes=False), np.random.default_rng(0)
     latents = model.draw_latents(state, rng)
     for _ in range(100):
         state, latents = model.propagate(state, latents, wide, STEP_S, rng)

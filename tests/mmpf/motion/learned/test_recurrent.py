@@ -1,11 +1,13 @@
 """The follower with a memory, against a plain computation, and its file against damage."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.idm import idm_acceleration
-from mmpf.motion.learned.driver import FOLLOWER, recurrent_driver, without_lane_changes
+from mmpf.motion.learned.driver import FOLLOWER, recurrent_driver
 from mmpf.motion.learned.recurrent import NOISE, load_recurrent, save_recurrent
 from mmpf.motion.learned.residual import IDM_RANGE_MPS2, USUAL_DRIVER
 from mmpf.motion.state import ACCEL, SPEED
@@ -80,7 +82,7 @@ def test_two_steps_in_one_change_the_memory_nearly_as_much_as_two(follower):
 
 
 def test_a_driver_drawn_anew_keeps_the_memory_of_what_was_seen():
-    model, rng, n = without_lane_changes(recurrent_driver()), np.random.default_rng(3), 2000
+    model, rng, n = replace(recurrent_driver(), changes_lanes=False), np.random.default_rng(3), 2000
     state = states(n, 15.0)
     seen = around(state)
     _, latents = model.propagate(state, model.draw_latents(state, rng), seen, DT_S, rng)
