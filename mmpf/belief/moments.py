@@ -42,6 +42,11 @@ class Moments:
         variance = self.variance[LON] + self.variance[LAT] if self.has_headings else self.variance[LON]
         return np.asarray(np.sqrt(variance))
 
+    @property
+    def std_across_m(self) -> FloatArray:
+        """Standard deviation across the road, shape (m,); in the plane that of the position."""
+        return self.std_along_m if self.has_headings else np.asarray(np.sqrt(self.variance[LAT]))
+
     def take(self, index: IntArray | BoolArray) -> Moments:
         """Return the moments of some components, by number, shape (k,), or by a mask, shape (m,)."""
         return Moments(self.mean[:, index], self.variance[:, index], self.heading_rad[index], self.has_headings)

@@ -9,7 +9,7 @@ import numpy as np
 from mmpf.belief.moments import Moments
 from mmpf.joint.false_objects import FalseObjects
 from mmpf.joint.kinds import FALSE, VEHICLE, Sightings, bounded, normalised, relaxed_shading, weighed
-from mmpf.joint.overlap import driven_through, overlapping
+from mmpf.joint.overlap import driven_through, overlapping, probability_on_ego
 from mmpf.joint.sources import Sources
 from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
 from mmpf.numerics.arrays import FloatArray
@@ -86,23 +86,25 @@ def kinds_after(
         )
         speed_log = np.where(seen[:, None], now, speed_log)
         gain = speed_log - before.speed_log
-        gain[:, VEHICLE] -= _overlap_loss(before, moments, options, situation.dt_s)
+        gain[:, VEHICLE] -= _overlap_loss(before, moments, options, situation)
         kinds = normalised(kinds * np.exp(gain - gain.max(axis=1, keepdims=True))[:, :, None, None])
         kinds = bounded(kinds, 1.0 / (1.0 + np.exp(joint.kinds.largest_log_odds)))
     return replace(sources, existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)
 
 
-def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, dt_s: float) -> FloatArray:
-    """Return the log odds of a vehicle that visible components lose by lying in one place, shape (m,).
+def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, situation: Situation) -> FloatArray:
+    """Return the log odds of a vehicle that components lose by lying where another or the ego is, shape (m,).
 
-    Of two that stay there the less probable loses. Where one drives through the other they cannot both be vehicles: on
-    the whole way each one's odds are multiplied by the probability that the other is none, or that they do not touch.
+    Of two visible ones that stay there the less probable loses. Where one drives through the other they cannot both be
+    vehicles: on the whole way each one's odds are multiplied by the probability that the other is none, or that they do
+    not touch. On the ego every component loses, hidden or not.
     """
-    joint, share = options.joint, sources.vehicle_share
+    joint, share, dt_s = options.joint, sources.vehicle_share, situation.dt_s
     is_seen = sources.unseen_s <= options.reporting.hidden_after_s
     overlaps = overlapping(sources, moments, joint.kinds.overlap_share)
     overlaps &= is_seen[:, None] & is_seen & (share[:, None] < share)
     stays = np.where(np.asarray(overlaps.any(axis=1)), joint.kinds.overlap_per_s * dt_s, 0.0)
     touch, share_of_way = driven_through(sources, moments, joint.merging.speed_mps, dt_s)
     passes = -(share_of_way * np.log1p(-touch * (sources.vehicle * is_seen))).sum(axis=1)
-    return np.asarray(np.maximum(stays, is_seen * passes))
+    on_ego = probability_on_ego(sources, moments, situation.plane, joint.kinds.overlap_share)
+    return np.asarray(np.maximum(np.maximum(stays, is_seen * passes), on_ego * joint.kinds.overlap_per_s * dt_s))

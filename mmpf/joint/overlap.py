@@ -1,4 +1,4 @@
-"""Which components overlap."""
+"""Which components overlap each other or the ego."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from scipy.special import ndtr
 
 from mmpf.belief.mixture import Components
 from mmpf.belief.moments import Moments
+from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, turned
 
@@ -52,10 +53,31 @@ def driven_through(
     way_m, passing_mps = length[:, None] + length, np.abs(speed[:, None] - speed)
     passes = (along_m < 0.5 * way_m) & (passing_mps > least_mps)
     passes &= np.abs(np.cos(moments.heading_rad[:, None] - moments.heading_rad)) > PARALLEL
-    variance = moments.variance[LON] + moments.variance[LAT] if moments.has_headings else moments.variance[LAT]
+    variance = moments.std_across_m**2
     beside_m = across_m - 0.5 * (width[:, None] + width)
     touch = passes * ndtr(-beside_m / np.sqrt(np.maximum(variance[:, None] + variance, 1e-12)))
     return touch, np.minimum(passing_mps * dt_s / way_m, 1.0)
+
+
+def probability_on_ego(components: Components, moments: Moments, plane: SensorPlane, share: float) -> FloatArray:
+    """Return the probability that each component lies where the ego is, where no other vehicle can be, shape (m,).
+
+    Args:
+        components: The components, m of them, with their sizes.
+        moments: Their moments; positions are taken as normally distributed.
+        plane: The plane around the sensor.
+        share: As ``overlapping`` takes it; the ego is the second body.
+    """
+    ego = plane.ego
+    along_m, across_m = turned(moments.mean[LON] - ego.lon_m, moments.mean[LAT] - ego.lat_m, plane.ego_turn_rad)
+    along = _within(along_m, share * 0.5 * (components.length_m + ego.length_m), moments.std_along_m)
+    return along * _within(across_m, share * 0.5 * (components.width_m + ego.width_m), moments.std_across_m)
+
+
+def _within(offset: FloatArray, reach: FloatArray, std: FloatArray) -> FloatArray:
+    """Return the probability that normal values around ``offset`` lie between -``reach`` and ``reach``, shape (m,)."""
+    std = np.maximum(std, 1e-6)
+    return np.asarray(ndtr((reach - offset) / std) - ndtr((-reach - offset) / std))
 
 
 def _apart(moments: Moments) -> tuple[FloatArray, FloatArray]:

@@ -104,7 +104,7 @@ class JointKinds(Settings):
     overlap_share: NotNegative = 0.6
     """Two objects nearer than this share of a length and a width cannot both be vehicles."""
     overlap_per_s: NotNegative = 3.0
-    """Log odds that the less probable of the two loses per second."""
+    """Log odds that the less probable of the two loses per second; on the ego itself every object loses them."""
     confirm_above: Probability = 0.5
     """Vehicle probability above which a component is reported."""
     withdraw_below: Probability = 0.2

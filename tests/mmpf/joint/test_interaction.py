@@ -39,7 +39,7 @@ def test_far_from_every_seen_vehicle_nothing_is_lost() -> None:
     assert factors(hidden_beside_seen(0.0, 5.0), 0.9).tolist() == [1.0] * 7
 
 
-@pytest.mark.parametrize("strength", [0.1, 0.9, 3.0])
+@pytest.mark.parametrize("strength", [0.0, 0.1, 0.9, 3.0])
 def test_right_on_a_seen_vehicle_the_exponent_is_the_strength_and_the_seen_one_loses_nothing(strength: float) -> None:
     assert factors(hidden_beside_seen(0.0, 0.0), strength) == pytest.approx([np.exp(-strength)] * 4 + [1.0] * 3)
 
@@ -68,7 +68,3 @@ def test_a_component_that_is_not_confirmed_or_not_seen_claims_no_room() -> None:
     assert factors(hidden_beside_seen(0.0, 0.0, seen_is_confirmed=False), 0.9).tolist() == [1.0] * 7
     assert factors(hidden_beside_seen(0.0, 0.0), 0.9, is_seen=(False, False)).tolist() == [1.0] * 7
     assert factors(hidden_beside_seen(0.0, 0.0), 0.9, is_seen=(True, True)).tolist() == [1.0] * 7
-
-
-def test_no_strength_is_no_interaction() -> None:
-    assert factors(hidden_beside_seen(0.0, 0.0), 0.0).tolist() == [1.0] * 7

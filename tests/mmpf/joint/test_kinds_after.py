@@ -232,6 +232,15 @@ def test_of_one_that_drives_through_another_each_loses_what_the_other_says(besid
     assert odds - without == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize("unseen_s", [0.0, 3.0])
+def test_what_lies_on_the_ego_becomes_less_of_a_vehicle_seen_or_hidden(unseen_s: float) -> None:
+    kinds, dt_s = newborn(), 0.2
+    on_ego, away = (belief_of([spot(lon_m, LANE, 20.0)], kinds=kinds, unseen_s=[unseen_s]) for lon_m in (0.0, -30.0))
+    found, free = (scanned(each, seen_as(CLEAR), UNBOUNDED, dt_s).components.kinds for each in (on_ego, away))
+    odds, without = (np.log(vehicle_share(each) / (1.0 - vehicle_share(each))) for each in (found, free))
+    assert odds - without == pytest.approx([-KIND_OPTIONS.overlap_per_s * dt_s], abs=1e-6)
+
+
 def test_where_the_question_is_not_asked_vehicles_stay_vehicles() -> None:
     options = options_with(kinds={"weighed": False})
     found = source(0.0, kinds=newborn(options))

@@ -1,4 +1,4 @@
-"""Bodies that touch while they pass each other, against draws of both and against a pass that is summed up."""
+"""Bodies that touch while they pass each other or lie on the ego, against draws and a pass that is summed up."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import pytest
 
 from mmpf.belief.mixture import Components, Mixture
 from mmpf.belief.moments import component_moments
-from mmpf.joint.overlap import driven_through
-from mmpf.motion.state import LAT
+from mmpf.joint.overlap import driven_through, probability_on_ego
+from mmpf.map.sensor_plane import SensorPlane
+from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray
-from tests.mmpf.scenes import belief_of, lane_centre, spot
+from tests.mmpf.scenes import ROAD, belief_of, ego_at, lane_centre, spot
 
 LANE, LEAST_MPS = lane_centre(2), 4.0
 
@@ -51,3 +52,16 @@ def test_those_at_one_speed_or_one_behind_the_other_pass_nobody() -> None:
     in_a_row = belief_of([spot(0.0, LANE, 0.0), spot(6.0, LANE, 15.0)])
     assert not passing(one_speed)[0].any()
     assert not passing(in_a_row)[0].any()
+
+
+@pytest.mark.parametrize(("ahead_m", "beside_m"), [(0.0, 0.0), (2.4, 0.0), (1.0, 1.2), (7.0, 0.0), (0.0, 3.66)])
+def test_the_probability_of_lying_on_the_ego_is_that_of_draws(ahead_m: float, beside_m: float) -> None:
+    """Two bodies share a place if they are nearer than half of their mean length and half of their mean width."""
+    rng, share, ego = np.random.default_rng(8), 0.5, ego_at()
+    state = spot(ego.lon_m + ahead_m, ego.lat_m + beside_m, 20.0, 20_000)
+    state[[LON, LAT]] += np.array([[0.8], [0.4]]) * rng.standard_normal((2, 20_000))
+    one = belief_of([state])
+    drawn = np.abs(state[LON] - ego.lon_m) < share * 0.5 * (one.components.length_m + ego.length_m)
+    drawn &= np.abs(state[LAT] - ego.lat_m) < share * 0.5 * (one.components.width_m + ego.width_m)
+    found = probability_on_ego(one.components, component_moments(one), SensorPlane(ego, ROAD), share)
+    assert found == pytest.approx([drawn.mean()], abs=0.01)

@@ -5,35 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import is_longer
 from mmpf.joint.sources import Sources
 from mmpf.motion.protocol import motion_models
-from mmpf.options.joint import JointExistence, JointResampling
 from mmpf.scan import SensorModel
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import CONFIRMED
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 
-def detected_at(hits_of: list[bool], dt_s: float) -> Sources:
-    components = Sources.newborn(np.array([1]), np.array([0.9]))
-    for was_hit in hits_of:
-        components = components.after_scan(np.array([was_hit]), dt_s)
-    return components
-
-
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.2])
 def test_each_hit_counts_for_the_time_since_the_scan_before(dt_s: float) -> None:
-    components = detected_at([True, False, True, True], dt_s)
+    components = Sources.newborn(np.array([1]), np.array([0.9]))
+    for was_hit in [True, False, True, True]:
+        components = components.after_scan(np.array([was_hit]), dt_s)
     assert components.detected_s == pytest.approx([3.0 * dt_s])
     assert components.hits.tolist() == [4]
-
-
-def test_at_ten_scans_a_second_three_detections_confirm_and_twenty_make_old() -> None:
-    for hits in range(1, 40):
-        detected_s = detected_at([True] * (hits - 1), 0.1).detected_s
-        assert is_longer(detected_s, JointExistence().confirm_s).item() == (hits >= 3)
-        assert is_longer(detected_s, JointResampling().young_s).item() == (hits > 20)
 
 
 def first_confirmed_s(dt_s: float) -> float:
