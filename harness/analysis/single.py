@@ -25,7 +25,6 @@ from harness.analysis.why import Why, failures
 from harness.common.effects import Effect, neighbours_effect
 from harness.common.errors import InputError
 from harness.scoring.evidence.errors import scored_rows
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import Evidence, gather
 from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics.paired import KEYS, paired_errors
@@ -101,7 +100,7 @@ def evidence_of(folder: Path) -> Evidence:
     """
     with sound_tables(folder, COMPARE):
         truth, detections, tracks = (runfolder.read_table(folder, name, COMPARE) for name in TABLES)
-        return gather(truth, detections, tracks, ScoringSettings(), 0)
+        return gather(truth, detections, tracks, 0)
 
 
 def notes_of(a: Source, b: Source) -> list[str]:
@@ -151,7 +150,7 @@ def _errors(pairs: pd.DataFrame, state: str, column: str, vehicles: int) -> list
 def _common_errors(a: Evidence, b: Evidence) -> pd.DataFrame:
     """Return the errors of both on the steps that both follow, with a column ``vehicle``, its code in the truth."""
     keys = list(KEYS)
-    codes = a.rows.truth.vehicle[scored_rows(a.rows, a.history, a.settings)]
+    codes = a.rows.truth.vehicle[scored_rows(a.rows, a.history)]
     known = a.error_table[keys].assign(vehicle=codes)
     return paired_errors(a.error_table, b.error_table).merge(known, on=keys)
 

@@ -14,11 +14,11 @@ import numpy as np
 from scipy import sparse
 
 from harness.scoring.evidence.rows import TruthRows
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.evidence.sequence import select_in_sight
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hota import hota_couples, measure_hota
-from harness.scoring.metrics.in_plain_view import measure_plain_view, worst_share
+from harness.scoring.metrics.in_plain_view import RANKED_S, WORST_SHARE, measure_plain_view, worst_share
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 REACH_M = 100.0
@@ -112,9 +112,9 @@ def worst_tenth_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     It is an expected shortfall, weighted by vehicle-steps, and its influence is that of one: vehicles in the worst
     tenth move it by how far they are below the best of them, which is where the tenth ends.
     """
-    settings, part = evidence.settings, measure_plain_view(evidence)
-    ranked = part.counted_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S
-    worst = worst_share(part.counted, part.followed, ranked, settings.worst_share)
+    part = measure_plain_view(evidence)
+    ranked = part.counted_s >= RANKED_S - TIME_TOLERANCE_S
+    worst = worst_share(part.counted, part.followed, ranked, WORST_SHARE)
     counts, influence = np.zeros(vehicles), np.zeros(vehicles)
     if not len(worst):
         return ByVehicle(np.nan, influence, counts, np.zeros(0))
@@ -130,7 +130,7 @@ def worst_tenth_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
 def hota_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     """Return HOTA in sight in percent; a track counts with the vehicle that it was most often matched to."""
     sequence, truth = evidence.in_sight, evidence.rows.truth
-    selected = select_in_sight(evidence.rows, evidence.history, evidence.pairs, evidence.settings).truth
+    selected = select_in_sight(evidence.rows, evidence.history, evidence.pairs).truth
     vehicle_of = np.zeros(int(sequence.truth_identity.max(initial=-1)) + 1, dtype=np.int64)
     vehicle_of[sequence.truth_identity] = truth.vehicle[selected]
     couples = hota_couples(sequence)

@@ -19,8 +19,8 @@ import numpy as np
 
 from harness.scoring.evidence.errors import LOST, scored_rows
 from harness.scoring.evidence.matching import find_track_rows
+from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M, IN_SIGHT_S, TIME_TOLERANCE_S
 from harness.scoring.evidence.sequence import select_in_sight
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.clear import clear_matches
 from harness.storage.schema import HIDDEN
@@ -73,7 +73,7 @@ class _Tracks:
     def __init__(self, evidence: Evidence) -> None:
         self.evidence = evidence
         self.rows = evidence.rows.tracks
-        kept = scored_rows(evidence.rows, evidence.history, evidence.settings)
+        kept = scored_rows(evidence.rows, evidence.history)
         codes, first = np.unique(evidence.rows.truth.vehicle[kept], return_index=True)
         names = evidence.error_table["vehicle_id"].astype(str).to_numpy()[first]
         self.name = dict(zip(codes.tolist(), names.tolist(), strict=True))
@@ -89,17 +89,17 @@ class _Tracks:
 
     def end_of(self, track: int) -> str:
         """Return why a track ended: beside another that was there then and went on, or not."""
-        rows, settings, row = self.rows, self.evidence.settings, int(self.last[track])
+        rows, row = self.rows, int(self.last[track])
         near = np.flatnonzero(rows.step == rows.step[row])
-        close = np.abs(rows.lon_m[near] - rows.lon_m[row]) <= settings.gate_lon_m
-        close &= np.abs(rows.lat_m[near] - rows.lat_m[row]) <= settings.gate_lat_m
+        close = np.abs(rows.lon_m[near] - rows.lon_m[row]) <= GATE_LON_M
+        close &= np.abs(rows.lat_m[near] - rows.lat_m[row]) <= GATE_LAT_M
         goes_on = rows.step[self.last[rows.track[near]]] > rows.step[row]
         return MERGE if (close & goes_on & (near != row)).any() else DEATH
 
 
 def _switches(evidence: Evidence, tracks: _Tracks) -> Iterator[TrackFailure]:
     sequence, truth, rows = evidence.in_sight, evidence.rows.truth, evidence.rows.tracks
-    chosen = select_in_sight(evidence.rows, evidence.history, evidence.pairs, evidence.settings)
+    chosen = select_in_sight(evidence.rows, evidence.history, evidence.pairs)
     truth_rows, track_rows = np.flatnonzero(chosen.truth), np.flatnonzero(chosen.tracks)
     matches = clear_matches(sequence)
     for place in matches.switches(sequence):
@@ -127,14 +127,14 @@ def _cause_of_switch(evidence: Evidence, tracks: _Tracks, vehicle: tuple[int, in
     if on >= 0 and truth.vehicle[on] != truth.vehicle[now]:
         return ASSOCIATION
     longest_gap_s = evidence.history.since_s[last : now + 1].max()
-    if longest_gap_s > evidence.settings.in_sight_s + TIME_TOLERANCE_S:
+    if longest_gap_s > IN_SIGHT_S + TIME_TOLERANCE_S:
         return REIDENTIFICATION
     return BIRTH if rows.step[tracks.first[new]] > truth.step[last] else ASSOCIATION
 
 
 def _losses(evidence: Evidence, tracks: _Tracks) -> Iterator[TrackFailure]:
     rows, truth = evidence.rows, evidence.rows.truth
-    kept = scored_rows(rows, evidence.history, evidence.settings)
+    kept = scored_rows(rows, evidence.history)
     lost = np.zeros(len(truth), dtype=bool)
     lost[kept[(evidence.errors.outcome == LOST) & (evidence.errors.state == HIDDEN)]] = True
     for begin in _beginnings(lost, truth.vehicle, evidence.matching.holder):

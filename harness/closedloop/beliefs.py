@@ -12,7 +12,7 @@ from harness.decisions.belief import Belief, believe
 from harness.decisions.bodies import Bodies, Egos
 from harness.scoring.driving.believed import HEADING_M, HEADING_S
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import DRIVER_EXISTENCE, TIME_TOLERANCE_S
 from harness.sensor.observation import Snapshot
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.truth.frame import Frame
@@ -48,7 +48,6 @@ class TrackedPerception:
     """
 
     road: Road
-    settings: ScoringSettings = field(default_factory=ScoringSettings)
     _places: dict[int, list[tuple[float, float, float]]] = field(default_factory=dict)
     _measured: dict[int, FloatArray] = field(default_factory=lambda: defaultdict(lambda: np.zeros(3)))
 
@@ -67,7 +66,7 @@ class TrackedPerception:
             direction_rad=self._directions(snapshot, tracks, reported),
             length_m=sizes[:, 0],
             width_m=sizes[:, 1],
-            doubtful=tracks.existence[reported] < self.settings.driver_existence,
+            doubtful=tracks.existence[reported] < DRIVER_EXISTENCE,
         )
 
     def _directions(self, snapshot: Snapshot, tracks: Tracks, reported: IntArray) -> FloatArray:
@@ -92,7 +91,7 @@ class TrackedPerception:
             return
         lon_m = found.lon_m[whole, None] - tracks.lon_m[reported]
         lat_m = found.lat_m[whole, None] - tracks.lat_m[reported]
-        alike = similarity(lon_m, lat_m, self.settings)
+        alike = similarity(lon_m, lat_m)
         nearest = alike.argmax(axis=0)
         for place, row in enumerate(nearest):
             if alike[row, place] >= GATE_SIMILARITY:

@@ -36,7 +36,6 @@ from harness.decisions.yielding import EgoPath
 from harness.running.evaluate import Evaluated, evaluation_of
 from harness.running.snapshots import SnapshotStream
 from harness.running.unseen import UnseenOfTracks
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.closedloop import (
     BY_COLLISION,
     IN_TIME,
@@ -105,7 +104,7 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
     if planned.heed_unseen is not None and loop.passage is not None and planned.variant != TRUTH:
         loop.unseen = UnseenOfTracks(evaluation.snapshots.road, evaluation.snapshots.sensor)
     evaluation.follow((loop.watch,), _child(stream, TRACKER))
-    drove = score_drive(loop.driven(), loop.ended, loop.contact, ScoringSettings())
+    drove = score_drive(loop.driven(), loop.ended, loop.contact)
     if loop.passage is not None and loop.passage.crossings:
         drove |= score_crossing(loop.passage.crossed(at.provoked if at.kind == CROSS else "", loop.contact))
     episode: dict[str, Any] = {

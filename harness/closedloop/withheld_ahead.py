@@ -9,7 +9,7 @@ import numpy as np
 from harness.decisions.bodies import Bodies
 from harness.scoring.evidence.directions import along_and_across
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import PLAIN_VIEW_S, TIME_TOLERANCE_S
 from harness.sensor.observation import Snapshot
 from harness.storage.schema import VISIBLE
 
@@ -18,7 +18,6 @@ from harness.storage.schema import VISIBLE
 class PlainSight:
     """Who has been in plain view since when; the rule is that of ``harness.scoring.driving.withheld``."""
 
-    settings: ScoringSettings = field(default_factory=ScoringSettings)
     _since_s: dict[str, float] = field(default_factory=dict)
 
     def note(self, snapshot: Snapshot) -> None:
@@ -33,8 +32,8 @@ class PlainSight:
         """
         frame = snapshot.frame
         since_s = self._since_s.get(str(frame.vehicle_id[row]), np.inf)
-        if frame.time_s - since_s < self.settings.plain_view_s - TIME_TOLERANCE_S:
+        if frame.time_s - since_s < PLAIN_VIEW_S - TIME_TOLERANCE_S:
             return False
         direction = np.full(len(told), frame.axis_rad[row])
         away = along_and_across(frame.lon_m[row] - told.lon_m, frame.lat_m[row] - told.lat_m, direction)
-        return not bool((similarity(*away, self.settings) >= GATE_SIMILARITY).any())
+        return not bool((similarity(*away) >= GATE_SIMILARITY).any())

@@ -22,13 +22,12 @@ from harness.scoring.evidence.history import DetectionHistory, detection_history
 from harness.scoring.evidence.pairs import TrackPairs, near_pairs
 from harness.scoring.evidence.rows import RunRows, read_run
 from harness.scoring.evidence.sequence import Selection, mot_sequence, select_in_sight, select_remembered
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.schema import NOMINAL_LENGTH_M
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 PIXELS_PER_M = 100.0
 SCRIPT = "trackeval_script.py"
-Select = Callable[[RunRows, DetectionHistory, TrackPairs, ScoringSettings], Selection]
+Select = Callable[[RunRows, DetectionHistory, TrackPairs], Selection]
 SEQUENCES: dict[str, Select] = {"in-sight": select_in_sight, "seen-in-10-s": select_remembered}
 # The one class that TrackEval evaluates in this format.
 EVALUATED_CLASS = 1
@@ -46,16 +45,15 @@ measured none (radar).
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:
     """Write ``gt/<sequence>/gt/gt.txt`` with ``seqinfo.ini``, ``trackers/<tracker>/data/<sequence>.txt``, a seqmap."""
-    settings = ScoringSettings()
     rows = read_run(run.truth, run.detections, run.tracks)
-    history = detection_history(rows.truth, settings)
-    pairs = near_pairs(rows.truth, rows.tracks, settings)
+    history = detection_history(rows.truth)
+    pairs = near_pairs(rows.truth, rows.tracks)
     files = [_written(folder / "README.txt", README)]
     files.append(Path(shutil.copyfile(Path(__file__).with_name(SCRIPT), folder / "score.py")))
     files.append(_written(folder / "seqmap.txt", "\n".join(["name", *SEQUENCES]) + "\n"))
     sizes = track_sizes(run).of(rows.episode[rows.tracks.step], rows.tracks.track_id)
     for name, select in SEQUENCES.items():
-        selection = select(rows, history, pairs, settings)
+        selection = select(rows, history, pairs)
         sequence = mot_sequence(rows, history, pairs, selection)
         truth_row = rows.truth.name_row[selection.truth]
         size_m = run.truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)[truth_row]

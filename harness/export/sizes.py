@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from harness.running.finished import RecordedRun
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, IntArray
@@ -54,8 +54,7 @@ def track_sizes(run: RecordedRun) -> TrackSizes:
 
 def _on_each_other(tracks: pd.DataFrame, detections: pd.DataFrame) -> tuple[IntArray, IntArray]:
     """Return the rows of tracks and of detections that are each other's nearest in their step, within the gate."""
-    gate = ScoringSettings()
-    scale = np.array([gate.gate_lon_m, gate.gate_lat_m])
+    scale = np.array([GATE_LON_M, GATE_LAT_M])
     here, there = (
         np.column_stack([floats(table, "lon_m"), floats(table, "lat_m")]) / scale for table in (tracks, detections)
     )

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.running.evaluate import evaluate
 from harness.running.snapshots import SnapshotStream
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
+from harness.scoring.metrics.mae import HIDDEN_BINS_S
 from harness.scoring.metrics.paired import paired_errors
 from harness.storage import run_folder as runfolder
 from harness.storage.schema import HIDDEN, VISIBILITY_STATES
@@ -44,7 +45,7 @@ def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, 
     both = both[both["state"] == VISIBILITY_STATES[HIDDEN]]
     unseen_s = both["seconds_hidden"].to_numpy(dtype=np.float64)
     bins = []
-    for from_s, to_s in pairwise(ScoringSettings().hidden_bins_s):
+    for from_s, to_s in pairwise(HIDDEN_BINS_S):
         inside = (unseen_s > from_s + TIME_TOLERANCE_S) & (unseen_s <= to_s + TIME_TOLERANCE_S)
         bins.append({"from_s": from_s, "to_s": to_s, **_means(both, inside)})
     return {"hidden": _means(both, np.ones(len(both), dtype=np.bool_)), "by_seconds_hidden": bins}

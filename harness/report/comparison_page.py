@@ -16,7 +16,7 @@ from harness.report.folder_page import as_html, text_page, title_of
 from harness.report.page import MOST_SHOWN, chart_parts, render, replay_parts
 from harness.report.replay_data import SecondRun
 from harness.running.finished import RecordedRun, read_recorded_run
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.storage.checks import sound_tables
 from harness.storage.tables import floats
 

@@ -13,7 +13,7 @@ from scipy.stats import binomtest
 from harness.report.html_tables import html_table
 from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, number
 from harness.running.finished import RecordedRun
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, turned
 
@@ -54,7 +54,7 @@ def coasting_errors_m(run: RecordedRun) -> FloatArray:
         floats(begun, "lat_m") + aside * since_s - floats(now, "lat_m"),
     )
     known: FloatArray = off_m[np.isfinite(off_m)]
-    return np.minimum(known, ScoringSettings().follow_cutoff_m)
+    return np.minimum(known, FOLLOW_CUTOFF_M)
 
 
 def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> list[Row]:

@@ -10,7 +10,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from harness.report.html_tables import html_table
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
@@ -38,11 +38,10 @@ def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> 
     """Return the table from the rows of ``errors.parquet`` and ``occlusions.parquet``; None if nobody was detected."""
     if not len(errors):
         return None
-    cutoff_m = ScoringSettings().follow_cutoff_m
     distance_m = np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m"))
     tracked = (errors["outcome"].astype(object) == "tracked").to_numpy()
     hidden = (errors["state"].astype(object) == HIDDEN).to_numpy()
-    cost_m = np.where(hidden, np.where(tracked, np.minimum(distance_m, cutoff_m), cutoff_m), 0.0)
+    cost_m = np.where(hidden, np.where(tracked, np.minimum(distance_m, FOLLOW_CUTOFF_M), FOLLOW_CUTOFF_M), 0.0)
     bad = events[events["outcome"].astype(object).isin(["lost", "hijacked"])]
     failures = bad["vehicle_id"].astype(object).value_counts()
     times = floats(errors, "time_s")
@@ -55,7 +54,7 @@ def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> 
         rows.append((float(own.cost_m.sum()), [link, *own.cells(step_s), str(int(failures.get(name, 0)))]))
     rows.sort(key=lambda row: -row[0])
     table = html_table(HEADINGS, [cells for _, cells in rows[:MOST_ROWS]])
-    return VehicleTable(table, max(0, len(rows) - MOST_ROWS), cutoff_m)
+    return VehicleTable(table, max(0, len(rows) - MOST_ROWS), FOLLOW_CUTOFF_M)
 
 
 @dataclass(frozen=True)

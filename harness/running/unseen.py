@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.sensor.observation import Snapshot
 from harness.trackers.protocol import AnyTracker, TellsUnseen
 from harness.truth.frame import Frame

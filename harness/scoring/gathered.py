@@ -18,7 +18,6 @@ from harness.scoring.evidence.pairs import TrackPairs, near_pairs
 from harness.scoring.evidence.plain_view import PlainView, plain_view
 from harness.scoring.evidence.rows import RunRows, read_run
 from harness.scoring.evidence.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.unseen import Stretches, count_unseen
 from mmpf.numerics.arrays import FloatArray
 
@@ -40,7 +39,6 @@ class Evidence:
         plain: Vehicles in plain view, detected or not.
         existence: Stated existence of each reported track, nan where it states none, shape (m,) along the track rows.
         following: Which track follows which of the vehicles that were once seen, hidden ones included.
-        settings: The numbers of the rules.
         seed: Seed of the run.
         asked: What the ego's driver would do by the truth and by the tracks; None where no driver is asked.
         brakings: Where it would brake by one and not by the other; likewise.
@@ -60,7 +58,6 @@ class Evidence:
     plain: PlainView
     existence: FloatArray
     following: Following
-    settings: ScoringSettings
     seed: int
     asked: Asked | None = None
     brakings: Brakings | None = None
@@ -71,20 +68,19 @@ def gather(
     truth: pd.DataFrame,
     detections: pd.DataFrame,
     tracks: pd.DataFrame,
-    settings: ScoringSettings,
     seed: int,
     driven: DriverSetup | None = None,
     unseen: pd.DataFrame | None = None,
 ) -> Evidence:
     """Read a run's tables and match vehicles with tracks; arguments and errors are those of ``RunScorer.add``."""
-    rows = read_run(truth, detections, tracks, settings.gate_lon_m)
-    history = detection_history(rows.truth, settings)
-    pairs = near_pairs(rows.truth, rows.tracks, settings)
-    matching = match(rows, history, pairs, settings)
-    table = error_table(truth, rows, history, matching, settings)
-    following = follow(rows, history, settings)
-    plain = plain_view(truth, rows, settings)
-    asked = None if driven is None else ask(driven, truth, detections, tracks, rows, settings)
+    rows = read_run(truth, detections, tracks)
+    history = detection_history(rows.truth)
+    pairs = near_pairs(rows.truth, rows.tracks)
+    matching = match(rows, history, pairs)
+    table = error_table(truth, rows, history, matching)
+    following = follow(rows, history)
+    plain = plain_view(truth, rows)
+    asked = None if driven is None else ask(driven, truth, detections, tracks, rows)
     return Evidence(
         rows=rows,
         history=history,
@@ -92,16 +88,15 @@ def gather(
         matching=matching,
         error_table=table,
         errors=error_arrays(table),
-        events=occlusion_events(rows, matching, settings),
-        in_sight=mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs, settings)),
-        remembered=mot_sequence(rows, history, pairs, select_remembered(rows, history, pairs, settings)),
+        events=occlusion_events(rows, matching),
+        in_sight=mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs)),
+        remembered=mot_sequence(rows, history, pairs, select_remembered(rows, history, pairs)),
         plain=plain,
         existence=_existence(tracks)[rows.tracks.table_row],
         following=following,
-        settings=settings,
         seed=seed,
         asked=asked,
-        brakings=None if asked is None else find_brakings(asked, rows, matching, following, plain, settings),
+        brakings=None if asked is None else find_brakings(asked, rows, matching, following, plain),
         unseen=None if unseen is None else count_unseen(unseen, rows, history, matching, following),
     )
 

@@ -9,9 +9,7 @@ import pandas as pd
 from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.driving.brakings import braking_table, command_table
 from harness.scoring.evidence.events import event_table
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import gather
-from harness.scoring.metrics.parts import Basis
 from harness.scoring.metrics.registry import Totals
 from harness.storage import run_folder as runfolder
 
@@ -25,8 +23,7 @@ class RunScorer:
 
     def __init__(self, seed: int = 0, driven: DriverSetup | None = None) -> None:
         """Begin; the seed is that of the bootstrap intervals, the driver is asked by truth and by tracks."""
-        self._basis = Basis(ScoringSettings(), seed)
-        self._totals = Totals(self._basis)
+        self._totals = Totals(seed)
         self._driven = driven
 
     @property
@@ -53,7 +50,7 @@ class RunScorer:
         Raises:
             ValueError: The tables contradict each other or hold unknown states.
         """
-        evidence = gather(truth, detections, tracks, self._basis.settings, self._basis.seed, self._driven, unseen)
+        evidence = gather(truth, detections, tracks, self._totals.seed, self._driven, unseen)
         self._totals.add(evidence)
         asked, found, rows = evidence.asked, evidence.brakings, evidence.rows
         tables = {

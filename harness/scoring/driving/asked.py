@@ -13,9 +13,12 @@ from harness.decisions.drivers.protocol import Driver
 from harness.scoring.driving.believed import egos_of, tracked_bodies, true_bodies
 from harness.scoring.evidence.history import first_of_group
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import DRIVER_EXISTENCE, TIME_TOLERANCE_S
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+SETTLED_S = 2.0
+"""Time from the beginning of an ego's stay until its driver's decisions are judged."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,6 @@ def ask(
     detections: pd.DataFrame,
     tracks: pd.DataFrame,
     rows: RunRows,
-    settings: ScoringSettings,
 ) -> Asked:
     """Ask the driver, with a run's tables and their rows.
 
@@ -67,11 +69,11 @@ def ask(
     first seconds of each ego are not judged: no tracker can know the traffic yet.
     """
     egos, there = egos_of(truth, rows)
-    bodies = tracked_bodies(detections, rows, egos, driven.road, settings)
+    bodies = tracked_bodies(detections, rows, egos, driven.road)
     existence = tracks["existence"].to_numpy(dtype=np.float64) if "existence" in tracks else np.ones(len(tracks))
-    doubtful = existence[rows.tracks.table_row] < settings.driver_existence
+    doubtful = existence[rows.tracks.table_row] < DRIVER_EXISTENCE
     step_s, since_s = _times(rows)
-    judged = there & (since_s >= settings.driver_settled_s - TIME_TOLERANCE_S)
+    judged = there & (since_s >= SETTLED_S - TIME_TOLERANCE_S)
     real, believed = true_bodies(truth, rows), replace(bodies, doubtful=doubtful)
     return Asked(
         driver=driven.driver,

@@ -12,7 +12,7 @@ import pandas as pd
 from harness.decisions.bodies import Bodies, Egos
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, pairs_near
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import GATE_LON_M, TIME_TOLERANCE_S
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -57,27 +57,23 @@ def true_bodies(truth: pd.DataFrame, rows: RunRows) -> Bodies:
     )
 
 
-def tracked_bodies(
-    detections: pd.DataFrame, rows: RunRows, egos: Egos, road: Road, settings: ScoringSettings
-) -> Bodies:
+def tracked_bodies(detections: pd.DataFrame, rows: RunRows, egos: Egos, road: Road) -> Bodies:
     """Return the reported tracks in the order of ``TrackRows``; a track without speed gets the ego's speed."""
     tracks = rows.tracks
     order = np.lexsort((tracks.step, tracks.track))
-    length, width = _measured_so_far(detections, rows, order, settings)
+    length, width = _measured_so_far(detections, rows, order)
     direction = road.axis_of(_headings(rows, order))
     speed = np.where(np.isfinite(tracks.speed_mps), tracks.speed_mps, egos.speed_mps[tracks.step])
     return Bodies(tracks.step, tracks.lon_m, tracks.lat_m, speed, direction, length, width)
 
 
-def _measured_so_far(
-    detections: pd.DataFrame, rows: RunRows, order: IntArray, settings: ScoringSettings
-) -> tuple[FloatArray, FloatArray]:
+def _measured_so_far(detections: pd.DataFrame, rows: RunRows, order: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return length and width of each track: the mean of those measured on it up to now, a usual car's if none were."""
     tracks, nominal = rows.tracks, (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
     if not set(SIZES) <= set(detections) or not len(tracks):
         return np.full(len(tracks), nominal[0]), np.full(len(tracks), nominal[1])
     measured = [detections[name].to_numpy(dtype=np.float64) for name in SIZES]
-    near = pairs_near(rows.detections, tracks, settings.gate_lon_m, settings)
+    near = pairs_near(rows.detections, tracks, GATE_LON_M)
     near = near.where((near.similarity >= GATE_SIMILARITY) & np.isfinite(measured[0] + measured[1])[near.truth])
     best = np.lexsort((-near.similarity, near.track))
     best = best[np.append(True, np.diff(near.track[best]) > 0)[: len(best)]]

@@ -21,7 +21,7 @@ from harness.scoring.evidence.history import DetectionHistory
 from harness.scoring.evidence.matching import Matching
 from harness.scoring.evidence.plain_view import PlainView
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import BRAKES_MPS2, ROLLS_MPS2
 from harness.scoring.evidence.stretches import lasting_stretches, missed_stretches
 from harness.storage.schema import BRAKING_KINDS, FATES, VISIBILITY_STATES
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -64,20 +64,19 @@ def find_brakings(
     matching: Matching,
     following: Following,
     plain: PlainView,
-    settings: ScoringSettings,
 ) -> Brakings:
     """Find the missed and phantom brakings, those missed first, each kind in order of time."""
     by_truth, by_tracks = asked.truth.command.accel_mps2, asked.tracks.command.accel_mps2
     ahead = find_withheld(asked, rows, matching, plain)
     found: list[tuple[IntArray | BoolArray, ...]] = []
     for kind, (needed, done) in ((MISSED, (by_truth, by_tracks)), (PHANTOM, (by_tracks, by_truth))):
-        differ = asked.judged & (needed <= settings.brakes_mps2) & (done > settings.rolls_mps2)
+        differ = asked.judged & (needed <= BRAKES_MPS2) & (done > ROLLS_MPS2)
         if kind == MISSED:
             first, last = missed_stretches(
-                differ, asked.judged & ahead.misses(needed, done, settings), rows.episode, asked.step_s, settings
+                differ, asked.judged & ahead.misses(needed, done), rows.episode, asked.step_s
             )
         else:
-            first, last = lasting_stretches(differ, rows.episode, asked.step_s, settings)
+            first, last = lasting_stretches(differ, rows.episode, asked.step_s)
         worst = np.array(
             [a + int(np.argmax((done - needed)[a : b + 1])) for a, b in zip(first, last, strict=True)], dtype=np.int64
         )

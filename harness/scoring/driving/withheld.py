@@ -17,7 +17,7 @@ from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.evidence.matching import Matching
 from harness.scoring.evidence.plain_view import PlainView
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import BRAKES_MPS2, COLLISION_TIME_S, ROLLS_MPS2
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -33,23 +33,23 @@ class WithheldAhead:
     leader: BoolArray
     collision_s: FloatArray
 
-    def misses(self, needed: FloatArray, done: FloatArray, settings: ScoringSettings) -> BoolArray:
+    def misses(self, needed: FloatArray, done: FloatArray) -> BoolArray:
         """Return where the driver ought to brake for a withheld vehicle and by the tracks does not, shape (steps,).
 
         It ought to where by the truth it brakes (``needed``), and the tracks then have it brake less (``done``) by the
         difference of braking and not braking at all (1 m/s²) or more; and where the time to collision is short, and it
         does not brake.
         """
-        least = settings.rolls_mps2 - settings.brakes_mps2
-        brakes_less = (needed <= settings.brakes_mps2) & (done > needed + least)
-        drives_on = (self.collision_s < settings.collision_time_s) & (done > settings.rolls_mps2)
+        least = ROLLS_MPS2 - BRAKES_MPS2
+        brakes_less = (needed <= BRAKES_MPS2) & (done > needed + least)
+        drives_on = (self.collision_s < COLLISION_TIME_S) & (done > ROLLS_MPS2)
         return np.asarray((self.decisive & brakes_less) | (self.leader & drives_on))
 
 
 def find_withheld(asked: Asked, rows: RunRows, matching: Matching, plain: PlainView) -> WithheldAhead:
     """Find the steps at which the vehicle that matters is withheld.
 
-    Withheld is whoever has been in plain view for ``plain_view_s`` at any distance and has no track within the gate
+    Withheld is whoever has been in plain view for ``PLAIN_VIEW_S`` at any distance and has no track within the gate
     that the driver believes: one that is reported, with an existence of one half or more. Detections play no part.
     """
     believed = np.zeros(len(rows.tracks) + 1, dtype=bool)

@@ -12,7 +12,6 @@ from harness.scoring.evidence.history import DetectionHistory
 from harness.scoring.evidence.matching import Matching
 from harness.scoring.evidence.pairs import similarity
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.schema import HIDDEN, MATCHED_BY, OUT, OUTCOMES, VISIBILITY_STATES
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -39,13 +38,11 @@ class ErrorArrays:
         return np.equal(self.outcome, TRACKED)
 
 
-def error_table(
-    truth: pd.DataFrame, rows: RunRows, history: DetectionHistory, matching: Matching, settings: ScoringSettings
-) -> pd.DataFrame:
+def error_table(truth: pd.DataFrame, rows: RunRows, history: DetectionHistory, matching: Matching) -> pd.DataFrame:
     """Tabulate the errors of the tracks, estimate minus truth, that MAE and calibration are computed from.
 
     There is a row for every vehicle and step in range, from the vehicle's first detection on and while its last one
-    is at most ``memory_s`` ago. Outcomes of a visible or partly visible vehicle: *tracked* (matched within the gate)
+    is at most ``MEMORY_S`` ago. Outcomes of a visible or partly visible vehicle: *tracked* (matched within the gate)
     or *missed*. Outcomes of a hidden vehicle, judged by the track that held it when it was last detected: *tracked*,
     *lost* (that track is no longer reported), *hijacked* (that track is matched to another vehicle and nearer to it),
     or *untracked* (no track held it). The errors of a hijacked vehicle are in the table but in no mean.
@@ -56,11 +53,11 @@ def error_table(
         The table ``errors`` of ``harness.storage.schema``, sorted by step and vehicle.
     """
     vehicles, tracks = rows.truth, rows.tracks
-    kept = scored_rows(rows, history, settings)
+    kept = scored_rows(rows, history)
     hidden = vehicles.state[kept] == HIDDEN
     track_row = np.where(hidden, matching.holder_row[kept], matching.track_row[kept])
     followed = track_row >= 0
-    stolen = hidden & _is_stolen(rows, matching, kept, track_row, settings)
+    stolen = hidden & _is_stolen(rows, matching, kept, track_row)
     held = matching.holder[kept] >= 0
     outcome = np.where(
         followed,
@@ -94,10 +91,10 @@ def error_table(
     )
 
 
-def scored_rows(rows: RunRows, history: DetectionHistory, settings: ScoringSettings) -> IntArray:
+def scored_rows(rows: RunRows, history: DetectionHistory) -> IntArray:
     """Return the truth rows that the error table has a row for, in its order, shape (n,)."""
     vehicles = rows.truth
-    kept = np.flatnonzero(vehicles.in_range & (vehicles.state != OUT) & history.remembered(settings))
+    kept = np.flatnonzero(vehicles.in_range & (vehicles.state != OUT) & history.remembered())
     return kept[np.lexsort((vehicles.vehicle[kept], vehicles.step[kept]))]
 
 
@@ -115,9 +112,7 @@ def error_arrays(errors: pd.DataFrame) -> ErrorArrays:
     )
 
 
-def _is_stolen(
-    rows: RunRows, matching: Matching, kept: IntArray, track_row: IntArray, settings: ScoringSettings
-) -> BoolArray:
+def _is_stolen(rows: RunRows, matching: Matching, kept: IntArray, track_row: IntArray) -> BoolArray:
     """Return whether each kept row's track is matched to another vehicle and nearer to that one."""
     vehicles, tracks = rows.truth, rows.tracks
     stolen = np.zeros(len(kept), dtype=bool)
@@ -127,7 +122,7 @@ def _is_stolen(
 
     def nearness(vehicle: IntArray) -> FloatArray:
         lon_m, lat_m = vehicles.lon_m[vehicle] - tracks.lon_m[track], vehicles.lat_m[vehicle] - tracks.lat_m[track]
-        return similarity(*along_and_across(lon_m, lat_m, vehicles.direction_rad[vehicle]), settings)
+        return similarity(*along_and_across(lon_m, lat_m, vehicles.direction_rad[vehicle]))
 
     stolen[suspect] = nearness(thief) > nearness(own)
     return stolen

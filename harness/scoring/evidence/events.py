@@ -9,9 +9,16 @@ import pandas as pd
 
 from harness.scoring.evidence.matching import Matching, find_track_rows
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import EVENT_JUDGED_S, MEMORY_S, TIME_TOLERANCE_S
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+
+EVENT_S, HIDDEN_SHARE = 0.5, 0.7
+"""Shortest time without detection of an event, and the share of it for which the vehicle must be hidden."""
+DETECTIONS_BEFORE, HISTORY_S = 10, 3.0
+"""Detections that the vehicle needs within a time before."""
+REACQUIRE_LIMIT_S = 5.0
+"""Longest time from re-detection to re-acquisition."""
 
 
 @dataclass(frozen=True)
@@ -45,17 +52,17 @@ class OcclusionEvents:
         return ~self.hijacked & ~self.lost
 
 
-def occlusion_events(rows: RunRows, matching: Matching, settings: ScoringSettings) -> OcclusionEvents:
+def occlusion_events(rows: RunRows, matching: Matching) -> OcclusionEvents:
     """Find the occlusion events and judge them.
 
-    An event is a time of ``event_s`` to ``memory_s`` between two successive detections of a vehicle, in which it
-    is hidden for at least ``event_hidden_share`` of the steps, after at least ``event_detections`` detections in the
-    ``event_history_s`` up to the first. It is judged ``event_judged_s`` after the second, by the track that held the
+    An event is a time of ``EVENT_S`` to ``MEMORY_S`` between two successive detections of a vehicle, in which it
+    is hidden for at least ``HIDDEN_SHARE`` of the steps, after at least ``DETECTIONS_BEFORE`` detections in the
+    ``HISTORY_S`` up to the first. It is judged ``EVENT_JUDGED_S`` after the second, by the track that held the
     vehicle at the first; if the vehicle is out of range or the episode over by then, it is no event.
     Events are in the order of the truth rows.
     """
-    onset, back = _detection_gaps(rows, settings)
-    judged = row_after(rows, back, settings.event_judged_s)
+    onset, back = _detection_gaps(rows)
+    judged = row_after(rows, back, EVENT_JUDGED_S)
     known = (judged >= 0) & rows.truth.in_range[judged]
     onset, back, judged = onset[known], back[known], judged[known]
 
@@ -74,7 +81,7 @@ def occlusion_events(rows: RunRows, matching: Matching, settings: ScoringSetting
         lost=at_judgement < 0,
         same_id=same_id,
         alive_at_return=(at_return >= 0) & ((vehicle_at_return < 0) | (vehicle_at_return == back)),
-        reacquire_s=_reacquire_s(rows, matching, back, old, settings),
+        reacquire_s=_reacquire_s(rows, matching, back, old),
     )
 
 
@@ -99,34 +106,32 @@ def event_table(truth: pd.DataFrame, rows: RunRows, events: OcclusionEvents) -> 
     )
 
 
-def _detection_gaps(rows: RunRows, settings: ScoringSettings) -> tuple[IntArray, IntArray]:
+def _detection_gaps(rows: RunRows) -> tuple[IntArray, IntArray]:
     """Return the truth rows before and after each time without detection that makes an event."""
     truth = rows.truth
     detected = np.flatnonzero(truth.detected)
     onset, back = detected[:-1], detected[1:]
     gap_s = truth.time_s[back] - truth.time_s[onset]
     fits = truth.vehicle[back] == truth.vehicle[onset]
-    fits &= (gap_s >= settings.event_s - TIME_TOLERANCE_S) & (gap_s <= settings.memory_s + TIME_TOLERANCE_S)
+    fits &= (gap_s >= EVENT_S - TIME_TOLERANCE_S) & (gap_s <= MEMORY_S + TIME_TOLERANCE_S)
     place = np.flatnonzero(fits)
     onset, back = onset[place], back[place]
 
     # Counting whole periods lets a vehicle's detections of the last seconds be one binary search.
-    period_s = rows.time_s[-1] - rows.time_s[0] + settings.event_history_s + 1.0 if len(rows.time_s) else 1.0
+    period_s = rows.time_s[-1] - rows.time_s[0] + HISTORY_S + 1.0 if len(rows.time_s) else 1.0
     clock = truth.vehicle * period_s + truth.time_s
-    oldest = np.searchsorted(clock[detected], clock[onset] - settings.event_history_s + TIME_TOLERANCE_S, side="right")
-    enough = place + 1 - oldest >= settings.event_detections
+    oldest = np.searchsorted(clock[detected], clock[onset] - HISTORY_S + TIME_TOLERANCE_S, side="right")
+    enough = place + 1 - oldest >= DETECTIONS_BEFORE
     hidden = np.append(0, np.cumsum(truth.state == HIDDEN))
     between = back - onset - 1
     hidden_share = (hidden[back] - hidden[onset + 1]) / np.maximum(between, 1)
-    enough &= (between > 0) & (hidden_share >= settings.event_hidden_share - 1e-9)
+    enough &= (between > 0) & (hidden_share >= HIDDEN_SHARE - 1e-9)
     return onset[enough], back[enough]
 
 
-def other_track_after(
-    rows: RunRows, matching: Matching, events: OcclusionEvents, settings: ScoringSettings
-) -> BoolArray:
+def other_track_after(rows: RunRows, matching: Matching, events: OcclusionEvents) -> BoolArray:
     """Return after which events another track than the old one is on the vehicle when it is judged, shape (e,)."""
-    judged = row_after(rows, events.return_row, settings.event_judged_s)
+    judged = row_after(rows, events.return_row, EVENT_JUDGED_S)
     now = np.where(judged >= 0, matching.track_row[judged], -1)
     old = matching.holder[events.onset_row]
     return np.asarray((old >= 0) & (now >= 0) & (_take(rows.tracks.track, now) != old))
@@ -143,9 +148,7 @@ def row_after(rows: RunRows, row: IntArray, delay_s: float) -> IntArray:
     return np.where(inside, later, -1)
 
 
-def _reacquire_s(
-    rows: RunRows, matching: Matching, back: IntArray, old: IntArray, settings: ScoringSettings
-) -> FloatArray:
+def _reacquire_s(rows: RunRows, matching: Matching, back: IntArray, old: IntArray) -> FloatArray:
     truth = rows.truth
     matched = np.where(matching.track_row >= 0, _take(rows.tracks.track, matching.track_row), -1)
     end = np.searchsorted(truth.vehicle, truth.vehicle[back], side="right")
@@ -154,7 +157,7 @@ def _reacquire_s(
         hits = np.flatnonzero(matched[back[event] : end[event]] == old[event])
         if len(hits):
             delay_s[event] = truth.time_s[back[event] + hits[0]] - truth.time_s[back[event]]
-    delay_s[delay_s > settings.reacquire_limit_s + TIME_TOLERANCE_S] = np.nan
+    delay_s[delay_s > REACQUIRE_LIMIT_S + TIME_TOLERANCE_S] = np.nan
     return delay_s
 
 

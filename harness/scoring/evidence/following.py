@@ -15,7 +15,7 @@ from harness.scoring.evidence.assignment import best_assignment
 from harness.scoring.evidence.history import DetectionHistory
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, pairs_near
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M, GATE_LON_M, IN_SIGHT_DETECTIONS
 from harness.storage.schema import HIDDEN, OUT
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -37,41 +37,40 @@ class Following:
     distance_m: FloatArray
     track_row: IntArray
     idle: BoolArray
-    cutoff_m: float
 
 
-def once_seen(rows: RunRows, history: DetectionHistory, settings: ScoringSettings) -> BoolArray:
+def once_seen(rows: RunRows, history: DetectionHistory) -> BoolArray:
     """Return which vehicles count for trackers, shape (n,): detections decide, not tracks.
 
-    These are the vehicles in range that have been detected ``in_sight_detections`` times, the last time at most
-    ``memory_s`` ago.
+    These are the vehicles in range that have been detected ``IN_SIGHT_DETECTIONS`` times, the last time at most
+    ``MEMORY_S`` ago.
     """
-    often = history.count >= settings.in_sight_detections
+    often = history.count >= IN_SIGHT_DETECTIONS
     present = rows.truth.in_range & np.not_equal(rows.truth.state, OUT)
-    return history.remembered(settings) & often & present
+    return history.remembered() & often & present
 
 
-def follow(rows: RunRows, history: DetectionHistory, settings: ScoringSettings) -> Following:
+def follow(rows: RunRows, history: DetectionHistory) -> Following:
     """Assign tracks to vehicles step by step.
 
     A vehicle that was detected but is not asked for (too seldom, too long ago, out of range) takes a track within the
     gate, which then neither serves another vehicle nor follows no vehicle. A track beyond what the source knows of the
     road never follows no vehicle.
     """
-    truth, tracks, cutoff_m = rows.truth, rows.tracks, settings.follow_cutoff_m
-    counted = once_seen(rows, history, settings)
-    near = pairs_near(truth, tracks, max(cutoff_m, settings.gate_lon_m), settings)
+    truth, tracks = rows.truth, rows.tracks
+    counted = once_seen(rows, history)
+    near = pairs_near(truth, tracks, max(FOLLOW_CUTOFF_M, GATE_LON_M))
     away_m = np.hypot(
         truth.lon_m[near.truth] - tracks.lon_m[near.track], truth.lat_m[near.truth] - tracks.lat_m[near.track]
     )
     excused = (history.last_row[near.truth] >= 0) & (near.similarity >= GATE_SIMILARITY)
-    kept = (counted[near.truth] | excused) & (away_m < cutoff_m)
+    kept = (counted[near.truth] | excused) & (away_m < FOLLOW_CUTOFF_M)
     vehicle, track, away_m = near.truth[kept], near.track[kept], away_m[kept]
-    chosen = best_assignment(vehicle, track, cutoff_m - away_m)
-    distance_m = np.full(len(truth), cutoff_m)
+    chosen = best_assignment(vehicle, track, FOLLOW_CUTOFF_M - away_m)
+    distance_m = np.full(len(truth), FOLLOW_CUTOFF_M)
     distance_m[vehicle[chosen]] = away_m[chosen]
     track_row = np.full(len(truth), -1)
     track_row[vehicle[chosen]] = track[chosen]
     idle = ~tracks.unknowable
     idle[track[chosen]] = False
-    return Following(counted, counted & (truth.state == HIDDEN), distance_m, track_row, idle, cutoff_m)
+    return Following(counted, counted & (truth.state == HIDDEN), distance_m, track_row, idle)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.scoring.evidence.rows import TruthRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import IN_SIGHT_DETECTIONS, IN_SIGHT_S, MEMORY_S, TIME_TOLERANCE_S
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -27,17 +27,17 @@ class DetectionHistory:
     identity: IntArray
     count: IntArray
 
-    def in_sight(self, settings: ScoringSettings) -> BoolArray:
+    def in_sight(self) -> BoolArray:
         """Return which rows are in sight: detected often enough, and lately."""
-        lately = self.since_s <= settings.in_sight_s + TIME_TOLERANCE_S
-        return lately & (self.count >= settings.in_sight_detections)
+        lately = self.since_s <= IN_SIGHT_S + TIME_TOLERANCE_S
+        return lately & (self.count >= IN_SIGHT_DETECTIONS)
 
-    def remembered(self, settings: ScoringSettings) -> BoolArray:
+    def remembered(self) -> BoolArray:
         """Return which rows have been detected within the memory."""
-        return self.since_s <= settings.memory_s + TIME_TOLERANCE_S
+        return self.since_s <= MEMORY_S + TIME_TOLERANCE_S
 
 
-def detection_history(truth: TruthRows, settings: ScoringSettings) -> DetectionHistory:
+def detection_history(truth: TruthRows) -> DetectionHistory:
     """Follow each vehicle's detections through its rows, which are sorted by vehicle and step."""
     last_row = last_row_where(truth.detected, truth.vehicle)
     known = last_row >= 0
@@ -47,7 +47,7 @@ def detection_history(truth: TruthRows, settings: ScoringSettings) -> DetectionH
     gap_s = np.full(len(truth), np.inf)
     gap_s[1:] = since_s[:-1] + np.diff(truth.time_s)
     gap_s[first_of_group(truth.vehicle)] = np.inf
-    begins = truth.detected & (gap_s > settings.memory_s + TIME_TOLERANCE_S)
+    begins = truth.detected & (gap_s > MEMORY_S + TIME_TOLERANCE_S)
     identity = np.where(known, np.cumsum(begins) - 1, -1)
 
     total = np.cumsum(truth.detected)

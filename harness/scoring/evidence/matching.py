@@ -11,9 +11,12 @@ from harness.scoring.evidence.assignment import best_assignment
 from harness.scoring.evidence.history import DetectionHistory, last_row_where
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, TrackPairs
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import IN_SIGHT_S, TIME_TOLERANCE_S
 from harness.storage.schema import PARTIAL, VISIBLE
 from mmpf.numerics.arrays import BoolArray, IntArray
+
+HOLD_S = 0.5
+"""A track holds a vehicle at its last detection if it was matched to it at most this long before."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +37,15 @@ class Matching:
     holder_row: IntArray
 
 
-def match(rows: RunRows, history: DetectionHistory, pairs: TrackPairs, settings: ScoringSettings) -> Matching:
+def match(rows: RunRows, history: DetectionHistory, pairs: TrackPairs) -> Matching:
     """Match vehicles to tracks at every step.
 
-    Vehicles in range that are visible, partly visible or were detected within ``in_sight_s`` compete for the tracks:
+    Vehicles in range that are visible, partly visible or were detected within ``IN_SIGHT_S`` compete for the tracks:
     the optimal assignment of those within the gate, which maximises the sum of similarities. The holder of a vehicle is
-    the track that was last matched to it no later than its last detection and at most ``hold_s`` before that.
+    the track that was last matched to it no later than its last detection and at most ``HOLD_S`` before that.
     """
     truth, tracks = rows.truth, rows.tracks
-    lately = history.since_s <= settings.in_sight_s + TIME_TOLERANCE_S
+    lately = history.since_s <= IN_SIGHT_S + TIME_TOLERANCE_S
     seen = truth.in_range & ((truth.state == VISIBLE) | (truth.state == PARTIAL) | lately)
     chosen = gate_match(pairs, seen)
     track_row = np.full(len(truth), -1)
@@ -53,9 +56,7 @@ def match(rows: RunRows, history: DetectionHistory, pairs: TrackPairs, settings:
     match_row = last_row_where(track_row >= 0, truth.vehicle)
     match_row = np.where(history.last_row >= 0, match_row[history.last_row], -1)
     held = match_row >= 0
-    held[held] = (
-        truth.time_s[history.last_row[held]] - truth.time_s[match_row[held]] <= settings.hold_s + TIME_TOLERANCE_S
-    )
+    held[held] = truth.time_s[history.last_row[held]] - truth.time_s[match_row[held]] <= HOLD_S + TIME_TOLERANCE_S
     holder = np.full(len(truth), -1)
     holder[held] = tracks.track[track_row[match_row[held]]]
     return Matching(track_row, truth_row, holder, find_track_rows(rows, truth.step, holder))

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.scoring.evidence.directions import along_and_across
 from harness.scoring.evidence.rows import DetectionRows, TrackRows, TruthRows
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -29,31 +29,29 @@ GATE_SIMILARITY = 0.5
 """Similarity on the edge of the gate."""
 
 
-def similarity(lon_difference_m: FloatArray, lat_difference_m: FloatArray, settings: ScoringSettings) -> FloatArray:
+def similarity(lon_difference_m: FloatArray, lat_difference_m: FloatArray) -> FloatArray:
     """Return ``1 - max(|dlon| / 2 gate_lon, |dlat| / 2 gate_lat)``, clipped at 0; arrays of one shape."""
-    scaled_lon = np.abs(lon_difference_m) / (2.0 * settings.gate_lon_m)
-    scaled_lat = np.abs(lat_difference_m) / (2.0 * settings.gate_lat_m)
+    scaled_lon = np.abs(lon_difference_m) / (2.0 * GATE_LON_M)
+    scaled_lat = np.abs(lat_difference_m) / (2.0 * GATE_LAT_M)
     return np.maximum(0.0, 1.0 - np.maximum(scaled_lon, scaled_lat))
 
 
-def near_pairs(truth: TruthRows, tracks: TrackRows, settings: ScoringSettings) -> TrackPairs:
+def near_pairs(truth: TruthRows, tracks: TrackRows) -> TrackPairs:
     """Return all pairs of one step with a similarity above 0."""
-    near = pairs_near(truth, tracks, 2.0 * settings.gate_lon_m, settings)
+    near = pairs_near(truth, tracks, 2.0 * GATE_LON_M)
     return near.where(near.similarity > 0.0)
 
 
-def pairs_near(
-    first: TruthRows | DetectionRows, tracks: TrackRows, reach_m: float, settings: ScoringSettings
-) -> TrackPairs:
+def pairs_near(first: TruthRows | DetectionRows, tracks: TrackRows, reach_m: float) -> TrackPairs:
     """Return all pairs of one step within the reach, and some beyond it; ``truth`` is a row of first.
 
     The reach is that along ``first``'s direction; across it, it is as far as there is any similarity.
     """
     if first.direction_rad.any():
-        reach_m = float(np.hypot(reach_m, 2.0 * settings.gate_lat_m))
+        reach_m = float(np.hypot(reach_m, 2.0 * GATE_LAT_M))
     row, track = _rows_near(first, tracks, reach_m)
     lon_m, lat_m = first.lon_m[row] - tracks.lon_m[track], first.lat_m[row] - tracks.lat_m[track]
-    alike = similarity(*along_and_across(lon_m, lat_m, first.direction_rad[row]), settings)
+    alike = similarity(*along_and_across(lon_m, lat_m, first.direction_rad[row]))
     return TrackPairs(row, track, alike)
 
 

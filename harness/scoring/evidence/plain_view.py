@@ -12,7 +12,7 @@ import pandas as pd
 
 from harness.scoring.evidence.history import first_of_group, last_row_where
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import PLAIN_VIEW_M, PLAIN_VIEW_S, TIME_TOLERANCE_S
 from harness.storage.schema import VISIBLE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
 
@@ -23,8 +23,8 @@ class PlainView:
 
     Attributes:
         near: In plain view (visible to the sensor's full-view fraction or more, within its range) and near the ego:
-            within ``plain_view_m``, centre to centre.
-        lasting: In plain view for ``plain_view_s`` without interruption, near or not.
+            within ``PLAIN_VIEW_M``, centre to centre.
+        lasting: In plain view for ``PLAIN_VIEW_S`` without interruption, near or not.
         counted: Near and lasting.
         away_m: Distance from the ego; nan at a step without an ego.
         step_s: Time that each row's step stands for.
@@ -39,15 +39,15 @@ class PlainView:
     names: StringArray
 
 
-def plain_view(truth: pd.DataFrame, rows: RunRows, settings: ScoringSettings) -> PlainView:
+def plain_view(truth: pd.DataFrame, rows: RunRows) -> PlainView:
     """Find the vehicle-steps in plain view in the table of truth, which has the ego's place."""
     vehicles = rows.truth
     ego_lon, ego_lat = _ego_places(truth, rows)
     away_m = np.hypot(vehicles.lon_m - ego_lon[vehicles.step], vehicles.lat_m - ego_lat[vehicles.step])
     plain = vehicles.in_range & (vehicles.state == VISIBLE)
-    near = plain & (away_m <= settings.plain_view_m)
+    near = plain & (away_m <= PLAIN_VIEW_M)
     in_view_s = lasting_s(plain, vehicles.vehicle, vehicles.step, vehicles.time_s)
-    lasting = in_view_s >= settings.plain_view_s - TIME_TOLERANCE_S
+    lasting = in_view_s >= PLAIN_VIEW_S - TIME_TOLERANCE_S
     first = np.flatnonzero(first_of_group(vehicles.vehicle)) if len(vehicles) else np.zeros(0, dtype=np.int64)
     return PlainView(
         near=near,

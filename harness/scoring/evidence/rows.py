@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from harness.scoring.evidence.directions import nearest_row, read_directions
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import GATE_LON_M
 from harness.storage.schema import REPORTED_STATES, VISIBILITY_STATES
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -127,13 +127,11 @@ class RunRows:
     on_roundabout: BoolArray | None = None
 
 
-def read_run(
-    truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame, edge_m: float = ScoringSettings().gate_lon_m
-) -> RunRows:
+def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> RunRows:
     """Turn the three tables of a run, see ``harness.storage.schema``, into arrays.
 
     Without the column ``episode`` there is a single one. A vehicle or track counts as beyond the window's ends from
-    ``edge_m`` inside them on, since a vehicle just inside may have its track just outside.
+    the gate's length inside them on, since a vehicle just inside may have its track just outside.
 
     Raises:
         ValueError: A detection or track has a step that truth does not have, a truth state or track state is unknown, a
@@ -162,7 +160,7 @@ def read_run(
     ego = np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))
     ego_direction = np.full(len(steps), np.nan)
     ego_direction[step_index[ego]] = direction[ego]
-    windows = _windows(truth, first_row, edge_m)
+    windows = _windows(truth, first_row)
     inside = _inside(_floats(truth, "lon_m"), windows, step_index)
     detected = np.zeros(len(rows), dtype=bool)
     detected[found.truth_row[found.truth_row >= 0]] = True
@@ -202,12 +200,12 @@ def _hidden_by_wall(truth: pd.DataFrame, rows: IntArray) -> BoolArray | None:
     return np.asarray(2.0 * behind_walls > 1.0 - visible)
 
 
-def _windows(truth: pd.DataFrame, first_row: IntArray, edge_m: float) -> FloatArray | None:
+def _windows(truth: pd.DataFrame, first_row: IntArray) -> FloatArray | None:
     """Return where the known road begins and ends at each step, shape (2, steps); None for everywhere."""
     if not {"window_start_m", "window_end_m"} <= set(truth):
         return None
     start_m, end_m = (_floats(truth, name)[first_row] for name in ("window_start_m", "window_end_m"))
-    return np.stack([start_m + edge_m, end_m - edge_m])
+    return np.stack([start_m + GATE_LON_M, end_m - GATE_LON_M])
 
 
 def _inside(lon_m: FloatArray, windows: FloatArray | None, step: IntArray) -> BoolArray:

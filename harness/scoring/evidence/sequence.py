@@ -10,7 +10,7 @@ from harness.scoring.evidence.history import DetectionHistory, first_of_group, l
 from harness.scoring.evidence.matching import gate_match
 from harness.scoring.evidence.pairs import GATE_SIMILARITY, TrackPairs, pairs_near
 from harness.scoring.evidence.rows import RunRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import GATE_LON_M, IN_SIGHT_S, TIME_TOLERANCE_S
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -49,9 +49,7 @@ class Selection:
     tracks: BoolArray
 
 
-def select_in_sight(
-    rows: RunRows, history: DetectionHistory, pairs: TrackPairs, settings: ScoringSettings
-) -> Selection:
+def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: TrackPairs) -> Selection:
     """Select the vehicles in sight; tracks that are out of sight and match none of them are left out.
 
     One rule decides for the tracks of every tracker, and from the detections alone: see ``tracks_in_sight``. A track
@@ -60,47 +58,45 @@ def select_in_sight(
     A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts. Nor does a track beyond what
     the source knows of the road, unless it is on a vehicle that counts.
     """
-    in_sight = history.in_sight(settings)
+    in_sight = history.in_sight()
     chosen = gate_match(pairs, in_sight)
-    tracks = tracks_in_sight(rows, settings) & ~rows.tracks.unknowable
+    tracks = tracks_in_sight(rows) & ~rows.tracks.unknowable
     free = np.ones(len(tracks), dtype=bool)
     free[chosen.track] = False
-    unseen = history.remembered(settings) & (history.since_s > settings.in_sight_s + TIME_TOLERANCE_S)
+    unseen = history.remembered() & (history.since_s > IN_SIGHT_S + TIME_TOLERANCE_S)
     tracks[gate_match(pairs.where(free[pairs.track]), unseen).track] = False
     tracks[chosen.track] = rows.truth.in_range[chosen.truth]
     return Selection(in_sight & rows.truth.in_range, tracks)
 
 
-def tracks_in_sight(rows: RunRows, settings: ScoringSettings) -> BoolArray:
+def tracks_in_sight(rows: RunRows) -> BoolArray:
     """Return which reported tracks are in sight, shape (m,) along ``TrackRows``.
 
     The detections alone decide, never what a tracker says of itself.
     A track is out of sight once no detection has lain within the gate of its reported place for more than
-    ``in_sight_s``, the time after which a vehicle without detections is out of sight as well. The time counts from the
+    ``IN_SIGHT_S``, the time after which a vehicle without detections is out of sight as well. The time counts from the
     last step at which the track had such a detection, or from the first at which it was reported if it never had one.
     Clutter counts like any detection, since no tracker can tell it apart.
     """
     tracks = rows.tracks
-    near = pairs_near(rows.detections, tracks, settings.gate_lon_m, settings)
+    near = pairs_near(rows.detections, tracks, GATE_LON_M)
     has_detection = np.zeros(len(tracks), dtype=bool)
     has_detection[near.track[near.similarity >= GATE_SIMILARITY]] = True
     order = np.lexsort((tracks.step, tracks.track))
     track, time_s = tracks.track[order], rows.time_s[tracks.step[order]]
     since_row = last_row_where(has_detection[order] | first_of_group(track), track)
     in_sight = np.zeros(len(tracks), dtype=bool)
-    in_sight[order] = time_s - time_s[since_row] <= settings.in_sight_s + TIME_TOLERANCE_S
+    in_sight[order] = time_s - time_s[since_row] <= IN_SIGHT_S + TIME_TOLERANCE_S
     return in_sight
 
 
-def select_remembered(
-    rows: RunRows, history: DetectionHistory, pairs: TrackPairs, settings: ScoringSettings
-) -> Selection:
+def select_remembered(rows: RunRows, history: DetectionHistory, pairs: TrackPairs) -> Selection:
     """Select the vehicles detected within the memory; every reported track counts.
 
     A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts. Nor does a track beyond what
     the source knows of the road, unless it is on a vehicle that counts.
     """
-    remembered = history.remembered(settings)
+    remembered = history.remembered()
     chosen = gate_match(pairs, remembered)
     tracks = ~rows.tracks.unknowable
     tracks[chosen.track] = rows.truth.in_range[chosen.truth]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import DECISION_S, TIME_TOLERANCE_S
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -15,34 +15,32 @@ def stretches(holds: BoolArray, episode: IntArray) -> tuple[IntArray, IntArray]:
     return first, np.flatnonzero(holds & ~np.append(goes_on, False)[: len(holds)])
 
 
-def lasting_stretches(
-    holds: BoolArray, episode: IntArray, step_s: FloatArray, settings: ScoringSettings
-) -> tuple[IntArray, IntArray]:
-    """Return those that last ``decision_s`` or longer; the time that each step stands for is of shape (steps,)."""
+def lasting_stretches(holds: BoolArray, episode: IntArray, step_s: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return those that last ``DECISION_S`` or longer; the time that each step stands for is of shape (steps,)."""
     first, last = stretches(holds, episode)
     seconds = np.array([step_s[a : b + 1].sum() for a, b in zip(first, last, strict=True)])
-    lasting = seconds >= settings.decision_s - TIME_TOLERANCE_S if len(first) else np.zeros(0, dtype=bool)
+    lasting = seconds >= DECISION_S - TIME_TOLERANCE_S if len(first) else np.zeros(0, dtype=bool)
     return first[lasting], last[lasting]
 
 
 def missed_stretches(
-    differ: BoolArray, withheld: BoolArray, episode: IntArray, step_s: FloatArray, settings: ScoringSettings
+    differ: BoolArray, withheld: BoolArray, episode: IntArray, step_s: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """Return the first and the last step of each missed braking, in order.
 
     ``differ`` (the driver brakes by the truth and does not by the tracks) and ``withheld`` (it does not brake by the
     tracks as it ought to for a vehicle withheld in plain view) are of shape (steps,). A track that is there in one scan
-    of three would break every stretch. So where a withheld vehicle is not braked for in ``decision_s`` out of twice
+    of three would break every stretch. So where a withheld vehicle is not braked for in ``DECISION_S`` out of twice
     that time, all of this time counts.
     """
     holds = differ | withheld
     until_s = np.cumsum(step_s)
     missed_s = np.append(0.0, np.cumsum(np.where(withheld, step_s, 0.0)))
     for last in np.flatnonzero(withheld):
-        window_s = until_s[last] - 2.0 * settings.decision_s + TIME_TOLERANCE_S
+        window_s = until_s[last] - 2.0 * DECISION_S + TIME_TOLERANCE_S
         first = int(np.searchsorted(until_s, window_s, side="right"))
         first = max(first, int(np.searchsorted(episode, episode[last])))
-        if missed_s[last + 1] - missed_s[first] >= settings.decision_s - TIME_TOLERANCE_S:
+        if missed_s[last + 1] - missed_s[first] >= DECISION_S - TIME_TOLERANCE_S:
             begun = first + int(np.argmax(withheld[first : last + 1]))
             holds[begun : last + 1] = True
-    return lasting_stretches(holds, episode, step_s, settings)
+    return lasting_stretches(holds, episode, step_s)

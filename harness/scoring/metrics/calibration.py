@@ -15,7 +15,7 @@ import numpy as np
 from harness.scoring.evidence.directions import along_axes
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole
+from harness.scoring.metrics.parts import ROWS, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -55,7 +55,7 @@ def measure_calibration(evidence: Evidence) -> CalibrationPart:
     """Measure a stretch."""
     error, std = (evidence.error_table[columns].to_numpy(dtype=np.float64) for columns in (ERRORS, DEVIATIONS))
     if evidence.rows.truth.direction_rad.any():
-        kept = scored_rows(evidence.rows, evidence.history, evidence.settings)
+        kept = scored_rows(evidence.rows, evidence.history)
         direction = evidence.rows.truth.direction_rad[kept]
         error = np.column_stack([*along_axes(error[:, 0], error[:, 1], direction), error[:, 2]])
     followed, hidden = evidence.errors.tracked, evidence.errors.state == HIDDEN
@@ -63,7 +63,7 @@ def measure_calibration(evidence: Evidence) -> CalibrationPart:
 
 
 @of_whole
-def calibration_by_visibility(part: CalibrationPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def calibration_by_visibility(part: CalibrationPart) -> dict[str, object]:
     """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them.
 
     ``anees`` is the ``nees`` of these two side by side: the average normalised estimation error squared over

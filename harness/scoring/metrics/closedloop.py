@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.driving.withheld import WithheldAhead
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import BRAKES_MPS2, DECISION_S, ROLLS_MPS2, TIME_TOLERANCE_S
 from harness.scoring.evidence.stretches import missed_stretches, stretches
 from harness.scoring.metrics.conflicts import HARD_DRAC_MPS2, SHORT_TTC_S, deceleration_to_avoid
 from harness.scoring.metrics.quantity import Quantity
@@ -133,16 +133,13 @@ def score_crossing(crossed: Crossed) -> dict[str, object]:
     }
 
 
-def score_drive(
-    driven: DriveRecord, ended: str, contact: Contact | None, settings: ScoringSettings
-) -> dict[str, object]:
+def score_drive(driven: DriveRecord, ended: str, contact: Contact | None) -> dict[str, object]:
     """Score an episode's drive.
 
     Args:
         driven: The steps from the hand-over on, at least two.
         ended: Why it ended: one of the words of this module.
         contact: Its collision; None for none.
-        settings: What a missed and a phantom braking is.
 
     Returns:
         The table ``drive`` of its row. Shares are of the time that it drove; what there is none of is None.
@@ -156,13 +153,13 @@ def score_drive(
     drac = deceleration_to_avoid(driven.gap_m, driven.speed_mps, driven.leader_mps)
     hard = _times(accel < HARD_BRAKE_MPS2, 0.0, step_s)
     needed, demanded = driven.needed_mps2, driven.demanded_mps2
-    fails = (needed <= settings.brakes_mps2) & (demanded > settings.rolls_mps2)
-    makes_up = (demanded <= settings.brakes_mps2) & (needed > settings.rolls_mps2)
-    phantom = _times(makes_up, settings.decision_s, step_s)
+    fails = (needed <= BRAKES_MPS2) & (demanded > ROLLS_MPS2)
+    makes_up = (demanded <= BRAKES_MPS2) & (needed > ROLLS_MPS2)
+    phantom = _times(makes_up, DECISION_S, step_s)
     withheld = np.zeros(len(needed), dtype=bool) if driven.withheld is None else driven.withheld
-    unbraked = WithheldAhead(withheld, withheld, ttc).misses(needed, demanded, settings)
+    unbraked = WithheldAhead(withheld, withheld, ttc).misses(needed, demanded)
     no_episodes = np.zeros(len(needed), dtype=np.int64)
-    begins, ends = missed_stretches(fails, unbraked, no_episodes, np.full(len(needed), step_s), settings)
+    begins, ends = missed_stretches(fails, unbraked, no_episodes, np.full(len(needed), step_s))
     missed = len(begins)
     of_withheld = sum(bool(unbraked[a : b + 1].any()) for a, b in zip(begins, ends, strict=True))
     return {

@@ -13,7 +13,7 @@ import numpy as np
 from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.driving.encroachment import post_encroachment_times
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole
+from harness.scoring.metrics.parts import ROWS, of_whole
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
 SHORT_TTC_S, HARD_DRAC_MPS2 = (1.5, 3.0), 3.4
@@ -56,7 +56,7 @@ def measure_conflicts(evidence: Evidence) -> ConflictPart | None:
 
 
 @of_whole
-def conflicts(part: ConflictPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def conflicts(part: ConflictPart) -> dict[str, object]:
     """Score the ego's conflicts.
 
     Returns:

@@ -8,10 +8,13 @@ import numpy as np
 
 from harness.scoring.evidence.directions import along_and_across
 from harness.scoring.evidence.history import first_of_group
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.storage.schema import HIDDEN, VISIBLE
+
+PROMPT_S = 0.5
+"""A vehicle that becomes visible should have a track after this time."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class CoveragePart:
 
 def measure_coverage(evidence: Evidence) -> CoveragePart:
     """Count in a stretch."""
-    truth, settings = evidence.rows.truth, evidence.settings
+    truth = evidence.rows.truth
     vehicles = int(truth.vehicle.max()) + 1 if len(truth) else 0
     in_range = np.bincount(truth.vehicle[truth.in_range], minlength=vehicles) > 0
     detected = np.bincount(truth.vehicle[evidence.history.last_row >= 0], minlength=vehicles) > 0
@@ -38,9 +41,9 @@ def measure_coverage(evidence: Evidence) -> CoveragePart:
     first = visible[first_of_group(truth.vehicle[visible])]
     visible_from_s = np.full(vehicles, np.inf)
     visible_from_s[truth.vehicle[first]] = truth.time_s[first]
-    deadline_s = visible_from_s + settings.prompt_s
+    deadline_s = visible_from_s + PROMPT_S
     since_s = truth.time_s - visible_from_s[truth.vehicle]
-    matched = (evidence.matching.track_row >= 0) & (since_s >= 0.0) & (since_s <= settings.prompt_s + TIME_TOLERANCE_S)
+    matched = (evidence.matching.track_row >= 0) & (since_s >= 0.0) & (since_s <= PROMPT_S + TIME_TOLERANCE_S)
     prompt = np.bincount(truth.vehicle[matched], minlength=vehicles) > 0
     last_s = np.full(vehicles, -np.inf)
     np.maximum.at(last_s, truth.vehicle[truth.in_range], truth.time_s[truth.in_range])
@@ -56,13 +59,13 @@ def measure_coverage(evidence: Evidence) -> CoveragePart:
 
 
 @of_whole
-def coverage(part: CoveragePart, basis: Basis) -> dict[str, float]:  # noqa: ARG001
+def coverage(part: CoveragePart) -> dict[str, float]:
     """Return what was in range, what of it was detected, and how promptly visible vehicles got a track.
 
     Returns:
         ``vehicles_in_range``: vehicles that were in range at some step; those of them that were ever ``detected``, and
         the others, ``never_detected``, which appear in no error; ``hidden_percent`` of vehicle-steps in range;
-        ``prompt_vehicles``: vehicles whose record in range reaches ``prompt_s`` beyond their becoming visible, and
+        ``prompt_vehicles``: vehicles whose record in range reaches half a second beyond their becoming visible, and
         ``prompt_percent`` of them that a track was matched to by then.
     """
     return {
@@ -98,6 +101,6 @@ def measure_detection_noise(evidence: Evidence) -> NoisePart:
 
 
 @of_whole
-def detection_noise(part: NoisePart, basis: Basis) -> dict[str, float]:  # noqa: ARG001
+def detection_noise(part: NoisePart) -> dict[str, float]:
     """Return the mean absolute errors of the detections that are not clutter, to hold the tracks' against; or nan."""
     return {"lon_m": ratio(part.lon_m, part.n), "lat_m": ratio(part.lat_m, part.n), "n": part.n}

@@ -13,14 +13,16 @@ from harness.decisions.decide import Decision
 from harness.scoring.driving.asked import Asked
 from harness.scoring.driving.brakings import MISSED, MISSED_FATES, PHANTOM, PHANTOM_FATES
 from harness.scoring.driving.collision_time import time_to_collision
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import BRAKES_MPS2, COLLISION_TIME_S, DECISION_S, TIME_TOLERANCE_S
 from harness.scoring.evidence.stretches import stretches
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
+from harness.scoring.metrics.parts import ROWS, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import BRAKING_KINDS, FATES, HIDDEN, OUT
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
+LONGEST_COLLISION_TIME_S = 10.0
+"""Longest time to collision that is told apart from none."""
 KM = "decisions.km"
 MISSED_PER_KM, PHANTOM_PER_KM = "decisions.missed_per_km", "decisions.phantom_per_km"
 QUANTITIES = (
@@ -76,7 +78,7 @@ class DecisionPart:
 
 def measure_decisions(evidence: Evidence) -> DecisionPart | None:
     """Measure a stretch; None where no driver was asked."""
-    asked, brakings, settings = evidence.asked, evidence.brakings, evidence.settings
+    asked, brakings = evidence.asked, evidence.brakings
     if asked is None or brakings is None:
         return None
     state = np.append(evidence.rows.truth.state, -1)[brakings.truth_row]
@@ -96,38 +98,37 @@ def measure_decisions(evidence: Evidence) -> DecisionPart | None:
         fate=brakings.fate,
         hidden=np.isin(state, (HIDDEN, OUT)),
         withheld=brakings.withheld,
-        lateness_s=lateness(asked, evidence.rows.episode, settings),
-        collision_time_error_s=collision_time_errors(asked, settings),
+        lateness_s=lateness(asked, evidence.rows.episode),
+        collision_time_error_s=collision_time_errors(asked),
         forbidden=forbidden,
         accepted=accepted,
     )
 
 
-def lateness(asked: Asked, episode: IntArray, settings: ScoringSettings) -> FloatArray:
+def lateness(asked: Asked, episode: IntArray) -> FloatArray:
     """Return how much later by the tracks than by the truth the driver begins to brake, of each onset, shape (k,).
 
     An onset is a stretch of half a second or more in which the truth demands braking. Where the tracks do so when it
     begins, the lateness is 0; where they never do, it is the whole stretch.
     """
-    brakes = asked.truth.command.accel_mps2 <= settings.brakes_mps2
+    brakes = asked.truth.command.accel_mps2 <= BRAKES_MPS2
     late = []
     for first, last in zip(*stretches(brakes & asked.judged, episode), strict=True):
         seconds = asked.step_s[first : last + 1]
         begun_before = first > 0 and episode[first - 1] == episode[first] and not asked.judged[first - 1]
-        if seconds.sum() < settings.decision_s - TIME_TOLERANCE_S or begun_before:
+        if seconds.sum() < DECISION_S - TIME_TOLERANCE_S or begun_before:
             continue
-        done = asked.tracks.command.accel_mps2[first : last + 1] <= settings.brakes_mps2
+        done = asked.tracks.command.accel_mps2[first : last + 1] <= BRAKES_MPS2
         late.append(float(seconds[: int(done.argmax()) if done.any() else len(seconds)].sum()))
     return np.array(late)
 
 
-def collision_time_errors(asked: Asked, settings: ScoringSettings) -> FloatArray:
+def collision_time_errors(asked: Asked) -> FloatArray:
     """Return absolute errors of the time to collision with the vehicle ahead, where it is short, shape (k,)."""
     true_s, believed_s = (
-        np.minimum(_to_collision(decision), settings.longest_collision_time_s)
-        for decision in (asked.truth, asked.tracks)
+        np.minimum(_to_collision(decision), LONGEST_COLLISION_TIME_S) for decision in (asked.truth, asked.tracks)
     )
-    return np.asarray(np.abs(believed_s - true_s)[asked.judged & (true_s < settings.collision_time_s)])
+    return np.asarray(np.abs(believed_s - true_s)[asked.judged & (true_s < COLLISION_TIME_S)])
 
 
 def _to_collision(decision: Decision) -> FloatArray:
@@ -136,7 +137,7 @@ def _to_collision(decision: Decision) -> FloatArray:
 
 
 @of_whole
-def decisions(part: DecisionPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def decisions(part: DecisionPart) -> dict[str, object]:
     """Score what the driver would have done.
 
     Returns:

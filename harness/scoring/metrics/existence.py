@@ -9,12 +9,14 @@ import numpy as np
 from harness.scoring.evidence.pairs import GATE_SIMILARITY
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 NAME = "existence_calibration"
 DECILES = 10
+LEAST_TRACK_STEPS = 200
+"""Track-steps from which a tenth of the stated existence is judged."""
 QUANTITIES = (
     Quantity(
         f"{NAME}.largest_gap", "existence in sight: largest gap of stated and observed, points",
@@ -42,7 +44,7 @@ def measure_existence(evidence: Evidence) -> ExistencePart:
     """Measure a stretch."""
     rows, pairs = evidence.rows, evidence.pairs
     stated = evidence.existence
-    judged = np.flatnonzero(tracks_in_sight(rows, evidence.settings) & ~rows.tracks.unknowable & np.isfinite(stated))
+    judged = np.flatnonzero(tracks_in_sight(rows) & ~rows.tracks.unknowable & np.isfinite(stated))
     real = np.zeros(len(rows.tracks), dtype=bool)
     real[pairs.track[pairs.similarity >= GATE_SIMILARITY]] = True
     says, is_real = stated[judged], real[judged]
@@ -57,7 +59,7 @@ def measure_existence(evidence: Evidence) -> ExistencePart:
 
 
 @of_whole
-def existence_calibration(part: ExistencePart, basis: Basis) -> dict[str, object]:
+def existence_calibration(part: ExistencePart) -> dict[str, object]:
     """Hold stated existences against what is there.
 
     Over the ``n`` track-steps of reported tracks in sight (detections decide, see ``tracks_in_sight``) that state one.
@@ -80,7 +82,7 @@ def existence_calibration(part: ExistencePart, basis: Basis) -> dict[str, object
         }
         for k in range(DECILES)
     ]
-    many = count >= basis.settings.existence_track_steps
+    many = count >= LEAST_TRACK_STEPS
     gaps = np.abs(stated[many] - real[many]) / count[many]
     return {
         "largest_gap": 100.0 * float(gaps.max()) if len(gaps) else np.nan,

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.scoring.evidence.errors import scored_rows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -71,7 +71,7 @@ def measure_gaps(evidence: Evidence) -> GapsPart | None:
     of_event = parked[events.onset_row]
     is_long = events.duration_s >= LONG_S - TIME_TOLERANCE_S
     followed = errors.tracked & (errors.state != HIDDEN)
-    of_kept = parked[scored_rows(rows, evidence.history, evidence.settings)][followed]
+    of_kept = parked[scored_rows(rows, evidence.history)][followed]
     error_m = np.hypot(errors.absolute[followed, 0], errors.absolute[followed, 1])
     return GapsPart(
         events=_count(of_event),
@@ -84,7 +84,7 @@ def measure_gaps(evidence: Evidence) -> GapsPart | None:
 
 
 @of_whole
-def scores_after_gaps(part: GapsPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def scores_after_gaps(part: GapsPart) -> dict[str, object]:
     """Return the scores of all, of moving and of parked vehicles.
 
     Returns:

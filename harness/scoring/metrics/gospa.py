@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from harness.scoring.evidence.assignment import best_assignment
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.evidence.sequence import MotSequence
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import joined
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray
 
@@ -20,17 +21,19 @@ REMEMBERED = (
     Quantity("gospa_remembered.missed", "of it missed, m"),
     Quantity("gospa_remembered.false", "of it false, m"),
 )
+CUTOFF_M, ORDER = 4.0, 1.0
+"""Distance c from which vehicle and track count as missed and false, and order p, of vehicles in sight."""
 PARTS = ("mean", "localisation", "missed", "false")
 
 
 def measure_in_sight(evidence: Evidence) -> FloatArray:
     """Return localisation, missed and false of vehicles in sight at each step, shape (3, steps); see ``gospa``."""
-    return _parts(evidence.in_sight, evidence.settings.gospa_cutoff_m, evidence.settings.gospa_order)
+    return _parts(evidence.in_sight, CUTOFF_M, ORDER)
 
 
-def gospa_in_sight(parts: Sequence[FloatArray], basis: Basis) -> dict[str, float]:
+def gospa_in_sight(parts: Sequence[FloatArray], _: np.random.Generator) -> dict[str, float]:
     """Return the scores over vehicles in sight; see ``gospa``."""
-    return _means(joined(parts, axis=1), basis.settings.gospa_order)
+    return _means(joined(parts, axis=1), ORDER)
 
 
 def measure_remembered(evidence: Evidence) -> FloatArray:
@@ -41,14 +44,14 @@ def measure_remembered(evidence: Evidence) -> FloatArray:
     following, rows = evidence.following, evidence.rows
     truth_step, track_step, steps = rows.truth.step, rows.tracks.step, len(rows.time_s)
     followed = following.counted & (following.track_row >= 0)
-    half = 0.5 * following.cutoff_m
+    half = 0.5 * FOLLOW_CUTOFF_M
     localisation = np.bincount(truth_step[followed], weights=following.distance_m[followed], minlength=steps)
     missed = half * np.bincount(truth_step[following.counted & ~followed], minlength=steps)
     false = half * np.bincount(track_step[following.idle], minlength=steps)
     return np.array([localisation, missed, false], dtype=np.float64)
 
 
-def gospa_remembered(parts: Sequence[FloatArray], basis: Basis) -> dict[str, float]:  # noqa: ARG001
+def gospa_remembered(parts: Sequence[FloatArray], _: np.random.Generator) -> dict[str, float]:
     """Return the scores over all vehicles once seen, hidden ones too, and all reported tracks; see ``gospa``."""
     return _means(joined(parts, axis=1), 1.0)
 

@@ -14,7 +14,7 @@ from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.evidence.events import other_track_after
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -64,7 +64,7 @@ def measure_causes(evidence: Evidence) -> CausePart | None:
     cause = by_wall.astype(np.int64)
     hidden = evidence.following.hidden
     distance_m = evidence.following.distance_m[hidden]
-    of_errors, unseen = cause[scored_rows(rows, evidence.history, evidence.settings)], errors.state == HIDDEN
+    of_errors, unseen = cause[scored_rows(rows, evidence.history)], errors.state == HIDDEN
     of_event = cause_between(cause == 1, rows.truth.state == HIDDEN, events.onset_row, events.return_row)
 
     def count(codes: IntArray) -> IntArray:
@@ -76,7 +76,7 @@ def measure_causes(evidence: Evidence) -> CausePart | None:
         outcomes=np.stack([count_outcomes(errors.outcome[unseen & (of_errors == k)]) for k in range(len(CAUSES))]),
         events=count(of_event),
         same_id=count(of_event[events.same_id]),
-        switched=count(of_event[other_track_after(rows, evidence.matching, events, evidence.settings)]),
+        switched=count(of_event[other_track_after(rows, evidence.matching, events)]),
     )
 
 
@@ -95,7 +95,7 @@ def cause_between(by_wall: BoolArray, hidden: BoolArray, onset: IntArray, back: 
 
 
 @of_whole
-def scores_by_cause(part: CausePart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def scores_by_cause(part: CausePart) -> dict[str, object]:
     """Return the scores of hidden vehicles by what hid them.
 
     Returns:

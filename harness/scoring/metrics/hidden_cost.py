@@ -13,9 +13,10 @@ import numpy as np
 
 from harness.common.bootstrap import cluster_bootstrap, sums_by_label
 from harness.scoring.evidence.errors import scored_rows
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
+from harness.scoring.metrics.parts import ROWS, drawn_of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -64,7 +65,7 @@ def measure_hidden(evidence: Evidence) -> HiddenPart:
     def cost(values_m: FloatArray) -> CostSums:
         return CostSums(float(values_m.sum()), *sums_by_label(values_m, vehicle))
 
-    unseen = following.idle & ~tracks_in_sight(rows, evidence.settings)
+    unseen = following.idle & ~tracks_in_sight(rows)
     return HiddenPart(
         cost=cost(following.distance_m[hidden]),
         own=cost(_by_identity(evidence)[hidden]),
@@ -75,8 +76,8 @@ def measure_hidden(evidence: Evidence) -> HiddenPart:
     )
 
 
-@of_whole
-def cost_of_hidden(part: HiddenPart, basis: Basis) -> dict[str, object]:
+@drawn_of_whole
+def cost_of_hidden(part: HiddenPart, rng: np.random.Generator) -> dict[str, object]:
     """Score the knowledge about vehicles that are hidden after they were seen.
 
     Returns:
@@ -87,10 +88,9 @@ def cost_of_hidden(part: HiddenPart, basis: Basis) -> dict[str, object]:
         vehicles under ``_ci95``. ``false_hidden_tracks_per_scan``: reported tracks out of sight that follow nobody.
         nan where there is nothing to tell.
     """
-    rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
 
     def interval(cost: CostSums) -> list[float] | None:
-        ends = cluster_bootstrap(cost.by_vehicle_m, cost.steps, rng, draws=draws)[0]
+        ends = cluster_bootstrap(cost.by_vehicle_m, cost.steps, rng)[0]
         return None if np.isnan(ends.low) else [ends.low, ends.high]
 
     return {
@@ -106,9 +106,9 @@ def cost_of_hidden(part: HiddenPart, basis: Basis) -> dict[str, object]:
 
 def _by_identity(evidence: Evidence) -> FloatArray:
     """Return each vehicle's distance to the track that held it, at most the cut-off, shape (n,) along the truth."""
-    errors, cutoff_m = evidence.errors, evidence.settings.follow_cutoff_m
+    errors = evidence.errors
     own: BoolArray = errors.tracked & (errors.state == HIDDEN)
-    distance_m = np.full(len(evidence.rows.truth), cutoff_m)
-    kept = scored_rows(evidence.rows, evidence.history, evidence.settings)[own]
-    distance_m[kept] = np.minimum(cutoff_m, np.hypot(errors.absolute[own, 0], errors.absolute[own, 1]))
+    distance_m = np.full(len(evidence.rows.truth), FOLLOW_CUTOFF_M)
+    kept = scored_rows(evidence.rows, evidence.history)[own]
+    distance_m[kept] = np.minimum(FOLLOW_CUTOFF_M, np.hypot(errors.absolute[own, 0], errors.absolute[own, 1]))
     return distance_m

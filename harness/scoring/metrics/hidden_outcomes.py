@@ -6,7 +6,7 @@ import numpy as np
 
 from harness.scoring.evidence.errors import HIJACKED, LOST, TRACKED, UNTRACKED
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, of_whole
+from harness.scoring.metrics.parts import of_whole
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN, OUTCOMES
 from mmpf.numerics.arrays import IntArray
@@ -21,7 +21,7 @@ def measure_outcomes(evidence: Evidence) -> IntArray:
 
 
 @of_whole
-def outcomes_while_hidden(counts: IntArray, basis: Basis) -> dict[str, float]:  # noqa: ARG001
+def outcomes_while_hidden(counts: IntArray) -> dict[str, float]:
     """Return the outcomes of all vehicle-steps hidden."""
     return hidden_outcomes(counts)
 

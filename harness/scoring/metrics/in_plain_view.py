@@ -14,9 +14,9 @@ import numpy as np
 
 from harness.scoring.evidence.plain_view import begins, lasting_s
 from harness.scoring.evidence.rows import TruthRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import PLAIN_VIEW_M, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
+from harness.scoring.metrics.parts import ROWS, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -24,6 +24,12 @@ NAME = "in_plain_view"
 RECALL, WORST_TENTH = f"{NAME}.recall", f"{NAME}.worst_tenth"
 NEVER_REPORTED, DROPPED = "never reported", "dropped"
 MOST_LISTED = 20
+RANKED_S, WORST_SHARE = 1.0, 0.1
+"""Shortest time in plain view of a vehicle that is ranked or never reported; share of the vehicles that are worst."""
+DROPPED_S = 0.5
+"""Shortest time in plain view without its track of a vehicle that is dropped."""
+STANDING_MPS, STANDING_S, FLOWING_MPS = 0.5, 2.0, 5.0
+"""A vehicle slower than the first for so long, where the others are faster than the last, is stopped amid traffic."""
 VEHICLES = f"{NAME}.vehicles_n"
 QUANTITIES = (
     Quantity(RECALL, "in plain view with a track, %", True, heading="plain view %", weight=f"{NAME}.n"),
@@ -87,7 +93,7 @@ class _Spans:
 
 def measure_plain_view(evidence: Evidence) -> PlainViewPart:
     """Measure a stretch."""
-    truth, plain, settings = evidence.rows.truth, evidence.plain, evidence.settings
+    truth, plain = evidence.rows.truth, evidence.plain
     followed = evidence.matching.track_row >= 0
     size = len(plain.names)
     near = np.flatnonzero(plain.near)
@@ -100,14 +106,14 @@ def measure_plain_view(evidence: Evidence) -> PlainViewPart:
         return np.bincount(truth.vehicle[rows], plain.step_s[rows], minlength=size).astype(np.float64)
 
     counted = np.flatnonzero(plain.counted)
-    stopped = np.flatnonzero(plain.counted & stopped_amid_traffic(truth, plain.away_m, settings))
+    stopped = np.flatnonzero(plain.counted & stopped_amid_traffic(truth, plain.away_m))
     reports = near[followed[near]]
     first_report = np.full(size, len(truth))
     np.minimum.at(first_report, truth.vehicle[reports], reports)
     view_s = seconds(near)
-    dropped = ~spans.followed & ~spans.fresh & (spans.lasts_s >= settings.dropped_s - TIME_TOLERANCE_S)
+    dropped = ~spans.followed & ~spans.fresh & (spans.lasts_s >= DROPPED_S - TIME_TOLERANCE_S)
     reported = first_report < len(truth)
-    never = ~reported & (view_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S)
+    never = ~reported & (view_s >= RANKED_S - TIME_TOLERANCE_S)
     return PlainViewPart(
         counted=by_vehicle(counted),
         followed=by_vehicle(counted[followed[counted]]),
@@ -132,19 +138,19 @@ def _spans(near: IntArray, truth: TruthRows, followed: BoolArray, is_near: BoolA
     return _Spans(of_row, first, followed[first], fresh[changes], lasts)
 
 
-def stopped_amid_traffic(truth: TruthRows, away_m: FloatArray, settings: ScoringSettings) -> BoolArray:
+def stopped_amid_traffic(truth: TruthRows, away_m: FloatArray) -> BoolArray:
     """Return which vehicles stand, and have stood for a while, where others near the ego drive, shape (n,).
 
-    The others are all vehicles but the ego within ``plain_view_m`` of it, seen or not; without any, nobody counts.
+    The others are all vehicles but the ego within ``PLAIN_VIEW_M`` of it, seen or not; without any, nobody counts.
     """
     speed = np.hypot(truth.speed_mps, truth.lat_speed_mps)
-    standing_s = lasting_s(speed < settings.standing_mps, truth.vehicle, truth.step, truth.time_s)
-    stands = standing_s >= settings.standing_s - TIME_TOLERANCE_S
-    around = away_m <= settings.plain_view_m
+    standing_s = lasting_s(speed < STANDING_MPS, truth.vehicle, truth.step, truth.time_s)
+    stands = standing_s >= STANDING_S - TIME_TOLERANCE_S
+    around = away_m <= PLAIN_VIEW_M
     steps = int(truth.step.max(initial=-1)) + 1
     count = np.bincount(truth.step[around], minlength=steps)[truth.step] - around
     total = np.bincount(truth.step[around], speed[around], minlength=steps)[truth.step] - np.where(around, speed, 0.0)
-    return np.asarray(stands & (total > settings.flowing_mps * count) & (count > 0))
+    return np.asarray(stands & (total > FLOWING_MPS * count) & (count > 0))
 
 
 def _losses(
@@ -199,7 +205,7 @@ def worst_share(counted: IntArray, followed: IntArray, chosen: BoolArray, share:
 
 
 @of_whole
-def scores_in_plain_view(part: PlainViewPart, basis: Basis) -> dict[str, object]:
+def scores_in_plain_view(part: PlainViewPart) -> dict[str, object]:
     """Score who has a track in plain view.
 
     Asked for are the ``n`` vehicle-steps within 60 m of the ego (centre to centre) of vehicles that have been in plain
@@ -220,10 +226,9 @@ def scores_in_plain_view(part: PlainViewPart, basis: Basis) -> dict[str, object]
         ``vehicles[]``: the vehicles never reported or dropped, the longest time without a track first, at most 20; of a
         dropped one its longest time. nan where there is nothing to tell.
     """
-    settings = basis.settings
     counted, followed = part.counted, part.followed
-    lasting = part.counted_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S
-    worst = worst_share(counted, followed, lasting, settings.worst_share)
+    lasting = part.counted_s >= RANKED_S - TIME_TOLERANCE_S
+    worst = worst_share(counted, followed, lasting, WORST_SHARE)
     waits = part.first_s[counted > 0]
     return {
         "recall": 100.0 * ratio(followed.sum(), counted.sum()),
@@ -233,9 +238,7 @@ def scores_in_plain_view(part: PlainViewPart, basis: Basis) -> dict[str, object]
         "median_first_report_s": float(np.median(waits)) if len(waits) else np.nan,
         "p90_first_report_s": float(np.percentile(waits, 90)) if len(waits) else np.nan,
         "vehicles_n": len(waits),
-        "never_reported": int(
-            (~part.reported & (part.view_s >= settings.plain_view_vehicle_s - TIME_TOLERANCE_S)).sum()
-        ),
+        "never_reported": int((~part.reported & (part.view_s >= RANKED_S - TIME_TOLERANCE_S)).sum()),
         "dropped": int(part.drops.sum()),
         "stopped_recall": 100.0 * ratio(part.stopped_followed, part.stopped),
         "stopped_n": part.stopped,

@@ -13,16 +13,18 @@ from itertools import pairwise
 import numpy as np
 
 from harness.common.bootstrap import cluster_bootstrap, group_sums
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole, ratio
+from harness.scoring.metrics.parts import ROWS, drawn_of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN, PARTIAL, VISIBLE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 STATES = {"all": (VISIBLE, PARTIAL, HIDDEN), "visible": (VISIBLE,), "partial": (PARTIAL,), "hidden": (HIDDEN,)}
 NAMES = ("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "position_m")
+HIDDEN_BINS_S = (0.0, 1.0, 2.0, 3.0, 5.0, 10.0)
+"""Edges of the bins of the time since the last detection."""
 VISIBLE_LON, VISIBLE_N, HIDDEN_LON, HIDDEN_N = "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m", "mae.hidden.n"
 TWO_TO_THREE_S = "mae.by_seconds_hidden.2"
 QUANTITIES = (
@@ -88,12 +90,12 @@ def measure_errors(evidence: Evidence) -> ErrorPart:
 
     return ErrorPart(
         by_state=tuple(sums_of(np.isin(errors.state, codes)) for codes in STATES.values()),
-        by_bin=tuple(sums_of(hidden_for(*ends)) for ends in pairwise(evidence.settings.hidden_bins_s)),
+        by_bin=tuple(sums_of(hidden_for(*ends)) for ends in pairwise(HIDDEN_BINS_S)),
     )
 
 
-@of_whole
-def mean_errors_by_visibility(part: ErrorPart, basis: Basis) -> dict[str, object]:
+@drawn_of_whole
+def mean_errors_by_visibility(part: ErrorPart, rng: np.random.Generator) -> dict[str, object]:
     """Return the mean errors of tracked vehicles by visibility state, and of hidden ones by time since detection.
 
     Returns:
@@ -103,17 +105,16 @@ def mean_errors_by_visibility(part: ErrorPart, basis: Basis) -> dict[str, object
         position. ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and
         at most ``to_s`` ago, with their ``hidden_outcomes``.
     """
-    rng, draws = basis.new_rng(), basis.settings.bootstrap_draws
 
     def mean_of(group: ErrorSums) -> dict[str, object]:
-        return _means(group.sums, group.counts, group.followed, rng, draws)
+        return _means(group.sums, group.counts, group.followed, rng)
 
     table: dict[str, object] = {}
     for name, group in zip(STATES, part.by_state, strict=True):
         of_n = int(group.outcomes.sum())
         table[name] = mean_of(group) | {"of_n": of_n, "followed_percent": 100.0 * ratio(group.followed, of_n)}
     bins: list[dict[str, object]] = []
-    for (from_s, to_s), group in zip(pairwise(basis.settings.hidden_bins_s), part.by_bin, strict=True):
+    for (from_s, to_s), group in zip(pairwise(HIDDEN_BINS_S), part.by_bin, strict=True):
         outcomes = hidden_outcomes(group.outcomes)
         bins.append({"from_s": from_s, "to_s": to_s, **mean_of(group), "hidden_n": outcomes.pop("n"), **outcomes})
     table["by_seconds_hidden"] = bins
@@ -126,11 +127,11 @@ def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArr
     return group_sums(values, np.unique(vehicle, return_inverse=True)[1])
 
 
-def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator, draws: int) -> dict[str, object]:
+def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator) -> dict[str, object]:
     """Return the table of means over the vehicles' ``n`` rows; the ends are None with fewer than two vehicles."""
     total = counts.sum(axis=0)
     means = np.divide(sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
-    intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng, draws=draws), strict=True))
+    intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng), strict=True))
     return {
         **dict(zip(NAMES, means.tolist(), strict=True)),
         "n": n,

@@ -13,10 +13,10 @@ import numpy as np
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.evidence.history import first_of_group
 from harness.scoring.evidence.rows import RunRows, TruthRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
@@ -115,7 +115,7 @@ def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart | None:
     code = manoeuvres(rows)
     if code is None:
         return None
-    kept = scored_rows(rows, evidence.history, evidence.settings)
+    kept = scored_rows(rows, evidence.history)
     of_kept, hidden = code[kept], errors.state == HIDDEN
     followed = errors.tracked & ~hidden
     position_m = np.hypot(errors.absolute[:, 0], errors.absolute[:, 1])
@@ -137,7 +137,7 @@ def measure_manoeuvres(evidence: Evidence) -> ManoeuvrePart | None:
 
 
 @of_whole
-def scores_by_manoeuvre(part: ManoeuvrePart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def scores_by_manoeuvre(part: ManoeuvrePart) -> dict[str, object]:
     """Return the scores of vehicles that go straight on, turn or come towards the ego.
 
     Returns:

@@ -12,7 +12,7 @@ from harness.scoring.evidence.sequence import MotSequence
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.clear import ClearScores, clear
 from harness.scoring.metrics.hota import HotaPart, measure_hota
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole
+from harness.scoring.metrics.parts import ROWS, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray
 
@@ -62,7 +62,7 @@ def measure_sequence(sequence: MotSequence, time_s: FloatArray) -> MotPart:
 
 
 @of_whole
-def multi_object_scores(part: MotPart, basis: Basis) -> dict[str, float]:  # noqa: ARG001
+def multi_object_scores(part: MotPart) -> dict[str, float]:
     """Score stretches that share no identity.
 
     Returns:

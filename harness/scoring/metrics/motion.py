@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from harness.scoring.evidence.errors import scored_rows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.mae import STATES
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -36,7 +36,7 @@ MEASURED = ("jerk", "true_jerk", "jump", "large", "accel", "heading")
 def measure_motion(evidence: Evidence) -> FloatArray:
     """Return sum and number of each of ``MEASURED`` in a stretch for each of ``STATES``, shape (4, 6, 2)."""
     rows, errors, matching = evidence.rows, evidence.errors, evidence.matching
-    kept, truth, tracks = scored_rows(rows, evidence.history, evidence.settings), rows.truth, rows.tracks
+    kept, truth, tracks = scored_rows(rows, evidence.history), rows.truth, rows.tracks
     followed = np.where(errors.state == HIDDEN, matching.holder_row[kept], matching.track_row[kept])
     chosen = errors.tracked
     kept, followed, state = kept[chosen], followed[chosen], errors.state[chosen]
@@ -82,7 +82,7 @@ def measure_motion(evidence: Evidence) -> FloatArray:
 
 
 @of_whole
-def quality_of_motion(total: FloatArray, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def quality_of_motion(total: FloatArray) -> dict[str, object]:
     """Return the scores of all vehicles and by visibility.
 
     Returns:

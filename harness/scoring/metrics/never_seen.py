@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -65,7 +65,7 @@ def measure_unseen(evidence: Evidence) -> NeverSeenPart | None:
 
 
 @of_whole
-def scores_of_unseen(part: NeverSeenPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def scores_of_unseen(part: NeverSeenPart) -> dict[str, object]:
     """Return how well the expected number of vehicles without a track fits those that there are.
 
     Returns:

@@ -8,13 +8,15 @@ from dataclasses import fields
 import numpy as np
 
 from harness.scoring.evidence.events import OcclusionEvents
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import MEMORY_S, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import Basis, joined
+from harness.scoring.metrics.parts import joined
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray
 
 EVENTS = "occlusion.events"
+SHORT_S = 3.0
+"""Longest time without detection of a short event."""
 QUANTITIES = (
     Quantity("occlusion.same_id_percent", "same identity, %", higher_is_better=True),
     Quantity("occlusion.survived", "occlusions survived, %", True, heading="survived %", weight=EVENTS, scale=100.0),
@@ -41,15 +43,14 @@ def measure_events(evidence: Evidence) -> OcclusionEvents:
     return evidence.events
 
 
-def occlusion_outcomes(parts: Sequence[OcclusionEvents], basis: Basis) -> dict[str, object]:
+def occlusion_outcomes(parts: Sequence[OcclusionEvents], _: np.random.Generator) -> dict[str, object]:
     """Return the counts over all events, and those of ``short`` and ``long`` ones; see ``count_outcomes``."""
-    settings = basis.settings
     names = [field.name for field in fields(OcclusionEvents)]
     events = OcclusionEvents(**{name: joined([getattr(part, name) for part in parts]) for name in names})
     return {
-        **count_outcomes(events, 0.0, settings.memory_s),
-        "short": count_outcomes(events, 0.0, settings.event_short_s),
-        "long": count_outcomes(events, settings.event_short_s, settings.memory_s),
+        **count_outcomes(events, 0.0, MEMORY_S),
+        "short": count_outcomes(events, 0.0, SHORT_S),
+        "long": count_outcomes(events, SHORT_S, MEMORY_S),
     }
 
 

@@ -9,7 +9,6 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import Evidence
 
 Part = TypeVar("Part")
@@ -20,18 +19,6 @@ ROWS = {"rows": True}
 
 
 @dataclass(frozen=True)
-class Basis:
-    """What a total rests on beside its parts: the numbers of the rules and the seed of the run."""
-
-    settings: ScoringSettings
-    seed: int
-
-    def new_rng(self) -> np.random.Generator:
-        """Return a generator of the run's seed: one for each metric, so that none moves another's draws."""
-        return np.random.default_rng(self.seed)
-
-
-@dataclass(frozen=True)
 class InParts(Generic[Part]):
     """A metric that needs no more than one stretch of a run at a time; called with evidence it scores that alone.
 
@@ -39,26 +26,39 @@ class InParts(Generic[Part]):
 
     Attributes:
         measure: Returns what the total needs to know of a stretch: numbers, or arrays far smaller than its tables.
-        total: Returns the metric's table of the measures in the order of the stretches.
+        total: Returns the metric's table of the measures in the order of the stretches. Its generator begins with the
+            run's seed for each metric, so that none moves another's draws.
     """
 
     measure: Callable[[Evidence], Part]
-    total: Callable[[Sequence[Part], Basis], Mapping[str, object]]
+    total: Callable[[Sequence[Part], np.random.Generator], Mapping[str, object]]
 
     def __call__(self, evidence: Evidence) -> Mapping[str, object]:
         """Score evidence that is a whole run."""
-        return self.total([self.measure(evidence)], Basis(evidence.settings, evidence.seed))
+        return self.total([self.measure(evidence)], np.random.default_rng(evidence.seed))
 
 
 def of_whole(
-    total: Callable[[Part, Basis], Mapping[str, object]],
-) -> Callable[[Sequence[Part | None], Basis], Mapping[str, object]]:
+    total: Callable[[Part], Mapping[str, object]],
+) -> Callable[[Sequence[Part | None], np.random.Generator], Mapping[str, object]]:
     """Return the total of parts, made of all of them as one; without any but None it has no meaning, and is empty."""
 
     @wraps(total)
-    def of_parts(parts: Sequence[Part | None], basis: Basis) -> Mapping[str, object]:
+    def of_part(part: Part, _: np.random.Generator) -> Mapping[str, object]:
+        return total(part)
+
+    return drawn_of_whole(of_part)
+
+
+def drawn_of_whole(
+    total: Callable[[Part, np.random.Generator], Mapping[str, object]],
+) -> Callable[[Sequence[Part | None], np.random.Generator], Mapping[str, object]]:
+    """Return the same of a total that draws, as intervals do."""
+
+    @wraps(total)
+    def of_parts(parts: Sequence[Part | None], rng: np.random.Generator) -> Mapping[str, object]:
         known = [part for part in parts if part is not None]
-        return total(combined(known), basis) if known else {}
+        return total(combined(known), rng) if known else {}
 
     return of_parts
 

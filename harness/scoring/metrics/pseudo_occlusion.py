@@ -16,9 +16,9 @@ from harness.scoring.evidence.errors import TRACKED, scored_rows
 from harness.scoring.evidence.events import row_after
 from harness.scoring.evidence.matching import find_track_rows
 from harness.scoring.evidence.rows import TruthRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S, ScoringSettings
+from harness.scoring.evidence.rules import EVENT_JUDGED_S, FOLLOW_CUTOFF_M, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, Basis, of_whole
+from harness.scoring.metrics.parts import ROWS, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -81,7 +81,7 @@ def measure_pseudo_occlusions(evidence: Evidence) -> HiddenWindows | None:
     first, last = _windows(truth, rows.time_s)
     onset = first - 1
     outcome = np.full(len(truth), -1)
-    outcome[scored_rows(rows, evidence.history, evidence.settings)] = evidence.errors.outcome
+    outcome[scored_rows(rows, evidence.history)] = evidence.errors.outcome
     followed = outcome[last] == TRACKED
     track = np.where(followed, matching.holder_row[last], 0)
     x, y, std_x, std_y = (
@@ -132,7 +132,7 @@ def _constant_velocity_error(truth: TruthRows, onset: IntArray, last: IntArray) 
 
 def _same_identity(evidence: Evidence, onset: IntArray, last: IntArray) -> tuple[BoolArray, BoolArray]:
     rows, matching = evidence.rows, evidence.matching
-    judged = row_after(rows, last, evidence.settings.event_judged_s)
+    judged = row_after(rows, last, EVENT_JUDGED_S)
     known = (judged >= 0) & rows.truth.in_range[judged]
     old = matching.holder[onset]
     track = find_track_rows(rows, rows.truth.step[judged], old)
@@ -162,7 +162,7 @@ def _situations(truth: TruthRows, onset: IntArray, last: IntArray) -> IntArray:
 
 
 @of_whole
-def scores_of_pseudo_occlusions(windows: HiddenWindows, basis: Basis) -> dict[str, object]:
+def scores_of_pseudo_occlusions(windows: HiddenWindows) -> dict[str, object]:
     """Return the scores of all windows, by their length and by situation.
 
     Returns:
@@ -176,18 +176,16 @@ def scores_of_pseudo_occlusions(windows: HiddenWindows, basis: Basis) -> dict[st
     """
     everything = np.ones(len(windows.length_s), dtype=np.bool_)
     lengths = sorted({*USUAL_S, *windows.length_s.tolist()})
-    table = {"all": _scores(windows, everything, basis.settings)}
-    table |= {f"{length:g}s": _scores(windows, windows.length_s == length, basis.settings) for length in lengths}
-    table |= {
-        name: _scores(windows, windows.situation == index, basis.settings) for index, name in enumerate(SITUATIONS)
-    }
+    table = {"all": _scores(windows, everything)}
+    table |= {f"{length:g}s": _scores(windows, windows.length_s == length) for length in lengths}
+    table |= {name: _scores(windows, windows.situation == index) for index, name in enumerate(SITUATIONS)}
     return dict(table)
 
 
-def _scores(windows: HiddenWindows, chosen: BoolArray, settings: ScoringSettings) -> dict[str, float]:
+def _scores(windows: HiddenWindows, chosen: BoolArray) -> dict[str, float]:
     followed = windows.followed & chosen
     error_m, constant_m = windows.error_m[followed], windows.constant_m[followed]
-    longest_m = settings.follow_cutoff_m
+    longest_m = FOLLOW_CUTOFF_M
     cost_m = np.where(windows.followed, np.fmin(windows.error_m, longest_m), longest_m)[chosen]
 
     def mean(values: FloatArray | BoolArray) -> float:

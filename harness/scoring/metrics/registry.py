@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from harness.common.numbers import without_nan
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import Evidence, gather
 from harness.scoring.metrics import (
     calibration,
@@ -33,7 +33,7 @@ from harness.scoring.metrics import (
     pseudo_occlusion,
     unseen_turns,
 )
-from harness.scoring.metrics.parts import Basis, InParts
+from harness.scoring.metrics.parts import InParts
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import TABLES
 from mmpf.registry import Registry
@@ -152,10 +152,10 @@ class Totals:
     """The metrics of a run that comes stretch by stretch; see ``harness.scoring.metrics.parts``.
 
     Attributes:
-        basis: The rules and the seed.
+        seed: Seed of the run, which intervals are drawn with.
     """
 
-    basis: Basis
+    seed: int
     _parts: dict[str, list[Any]] = field(default_factory=dict)
     _stretches: int = 0
 
@@ -183,7 +183,8 @@ class Totals:
         tables: dict[str, Mapping[str, object]] = {}
         for name, metric in METRICS.in_order().items():
             score, parts = metric.score, self._parts[name]
-            tables[name] = score.total(parts, self.basis) if isinstance(score, InParts) else parts[0]
+            rng = np.random.default_rng(self.seed)
+            tables[name] = score.total(parts, rng) if isinstance(score, InParts) else parts[0]
         return _plain(tables)
 
 
@@ -193,7 +194,7 @@ def completed(scores: Mapping[str, Any]) -> dict[str, Any]:
         return dict(scores)
     names = ("truth.parquet", "detections.parquet", "tracks.parquet")
     truth, detections, tracks = (pd.DataFrame(columns=list(TABLES[name].needed)) for name in names)
-    evidence = gather(truth, detections, tracks, ScoringSettings(), 0)
+    evidence = gather(truth, detections, tracks, 0)
     return {name: _nulled(table) for name, table in score_metrics(evidence).items()} | dict(scores)
 
 

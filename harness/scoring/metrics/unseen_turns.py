@@ -12,10 +12,10 @@ import numpy as np
 
 from harness.scoring.evidence.matching import find_track_rows
 from harness.scoring.evidence.rows import RunRows, TruthRows
-from harness.scoring.evidence.settings import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.manoeuvre import LEFT, RIGHT, ROUNDABOUT, manoeuvre_between, manoeuvres
-from harness.scoring.metrics.parts import Basis, of_whole, ratio
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -52,17 +52,14 @@ def measure_turns(evidence: Evidence) -> TurnsPart | None:
     turned = np.isin(code, (LEFT, RIGHT, ROUNDABOUT)) & (events.duration_s >= UNSEEN_S - TIME_TOLERANCE_S)
     onset, back = events.onset_row[turned], events.return_row[turned]
     holder = evidence.matching.holder[onset]
-    cutoff_m = evidence.settings.follow_cutoff_m
     return TurnsPart(
         events=len(onset),
-        right=int(on_right_route(rows, onset, back, back, holder, cutoff_m).sum()),
-        foreseen=int(on_right_route(rows, onset, back, back - 1, holder, cutoff_m).sum()),
+        right=int(on_right_route(rows, onset, back, back, holder).sum()),
+        foreseen=int(on_right_route(rows, onset, back, back - 1, holder).sum()),
     )
 
 
-def on_right_route(
-    rows: RunRows, onset: IntArray, back: IntArray, judged: IntArray, track: IntArray, cutoff_m: float
-) -> BoolArray:
+def on_right_route(rows: RunRows, onset: IntArray, back: IntArray, judged: IntArray, track: IntArray) -> BoolArray:
     """Return which vehicles a track follows on the way that they drive, shape (e,).
 
     Args:
@@ -71,7 +68,6 @@ def on_right_route(
         back: Row of its re-detection, shape (e,).
         judged: Row at which it is judged, shape (e,).
         track: Code of its track, -1 if it has none, shape (e,).
-        cutoff_m: Distance from which a track does not follow a vehicle.
     """
     truth, tracks = rows.truth, rows.tracks
     place = find_track_rows(rows, truth.step[judged], track)
@@ -80,12 +76,12 @@ def on_right_route(
         at = np.array([tracks.lon_m[place[event]], tracks.lat_m[place[event]]])
         row = judged[event]
         away_m = np.hypot(at[0] - truth.lon_m[row], at[1] - truth.lat_m[row])
-        way = _way(truth, int(onset[event]), int(back[event]), cutoff_m)
-        right[event] = away_m < cutoff_m and distance_to_line(at, way) <= ON_ROUTE_M
+        way = _way(truth, int(onset[event]), int(back[event]))
+        right[event] = away_m < FOLLOW_CUTOFF_M and distance_to_line(at, way) <= ON_ROUTE_M
     return right
 
 
-def _way(truth: TruthRows, onset: int, back: int, beyond_m: float) -> FloatArray:
+def _way(truth: TruthRows, onset: int, back: int) -> FloatArray:
     """Return the places that a vehicle went past around two of its rows, both ends drawn out, shape (k, 2)."""
     same = np.flatnonzero(truth.vehicle == truth.vehicle[onset])
     time_s = truth.time_s[same]
@@ -93,7 +89,7 @@ def _way(truth: TruthRows, onset: int, back: int, beyond_m: float) -> FloatArray
     kept = same[inside]
     line = np.stack([truth.lon_m[kept], truth.lat_m[kept]], axis=-1)
     ends = truth.direction_rad[kept[[0, -1]]]
-    reach = beyond_m * np.stack([np.cos(ends), np.sin(ends)], axis=-1)
+    reach = FOLLOW_CUTOFF_M * np.stack([np.cos(ends), np.sin(ends)], axis=-1)
     return np.concatenate([line[:1] - reach[:1], line, line[-1:] + reach[1:]])
 
 
@@ -106,7 +102,7 @@ def distance_to_line(place: FloatArray, line: FloatArray) -> float:
 
 
 @of_whole
-def scores_of_turns(part: TurnsPart, basis: Basis) -> dict[str, object]:  # noqa: ARG001
+def scores_of_turns(part: TurnsPart) -> dict[str, object]:
     """Return how often the right route is reported.
 
     Returns:

@@ -22,7 +22,6 @@ from harness.analysis.vehicles import (
     worst_tenth_by_vehicle,
 )
 from harness.analysis.why import failures
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import Evidence, gather
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import score_metrics
@@ -62,7 +61,7 @@ def six_cars(seed: int, apart_m: float = 40.0) -> Evidence:
         if 10 <= step < 30:
             stray = {"lon_m": 2.0 * step + 60.0, "lat_m": 12.0, "track_id": 99, "state": "confirmed"}
             tracks.append(tracks[-1] | stray)
-    return gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(tracks), ScoringSettings(), 0)
+    return gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(tracks), 0)
 
 
 @pytest.mark.parametrize(
@@ -185,7 +184,7 @@ def in_plain_view(reported) -> Evidence:
         lon = -54.0 + 9.0 * (number % 12)
         scene.vehicle(f"car{number}", lon=lon, lat=8.0 * (number // 12))
         scene.track(number, lon, 8.0 * (number // 12), at=np.arange(40 - steps, 40))
-    return gather(*scene.tables(), ScoringSettings(), 0)
+    return gather(*scene.tables(), 0)
 
 
 REPORTED = [34, 3, 20, 30, 9, 35, 31, 29, 28, 33, 27, 32, 26, 25, 24, 23, 22, 21, 19, 18]

@@ -20,7 +20,6 @@ from harness.analysis.why import (
     failures,
     link_to,
 )
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import gather
 from harness.scoring.metrics.registry import score_metrics
 
@@ -51,7 +50,7 @@ def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[TrackFai
         }
         for number, first, last, lane in tracks for step in range(first, last + 1)
     ]  # fmt: skip
-    evidence = gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(rows), ScoringSettings(), 0)
+    evidence = gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(rows), 0)
     found = failures(evidence)
     metrics = score_metrics(evidence)
     assert sum(each.kind == SWITCH for each in found) == metrics["mot"]["id_switches"]

@@ -8,7 +8,7 @@ from harness.closedloop.beliefs import TrackedPerception
 from harness.running.recorder import ColumnRecorder
 from harness.scoring.driving.believed import egos_of, tracked_bodies
 from harness.scoring.evidence.rows import read_run
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import DRIVER_EXISTENCE
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
@@ -59,11 +59,11 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
         bodies = perception.bodies(snapshot, tracks)
         assert bodies.doubtful.tolist() == [False, True, False]
         found.append(bodies.sure())
-    tables, scoring = recorder.tables(), ScoringSettings()
+    tables = recorder.tables()
     rows = read_run(tables.truth, tables.detections, tables.tracks)
     egos, _ = egos_of(tables.truth, rows)
-    whole = tracked_bodies(tables.detections, rows, egos, road, scoring)
-    kept = tables.tracks["existence"].to_numpy()[rows.tracks.table_row] >= scoring.driver_existence
+    whole = tracked_bodies(tables.detections, rows, egos, road)
+    kept = tables.tracks["existence"].to_numpy()[rows.tracks.table_row] >= DRIVER_EXISTENCE
     for name in ("lon_m", "lat_m", "speed_mps", "length_m", "width_m", "direction_rad"):
         expected = pd.Series(getattr(whole, name)[kept]).groupby(whole.step[kept]).apply(sorted)
         for step, bodies in enumerate(found):

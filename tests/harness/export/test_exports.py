@@ -21,7 +21,7 @@ from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
 from harness.running.finished import read_recorded_run
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
 from harness.storage.lock import LOCK
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
@@ -187,13 +187,12 @@ def test_trackeval_scores_the_exported_run_as_the_harness_does(folder, sequence,
 
 def by_position(trackeval):
     """Return TrackEval's reader of the format with the harness's similarity in place of the overlap of boxes."""
-    rules = ScoringSettings()
 
     class ByPosition(trackeval.datasets.MotChallenge2DBox):
         def _calculate_similarities(self, gt_dets_t, tracker_dets_t):
             centres = [(boxes[:, :2] + 0.5 * boxes[:, 2:4]) / 100.0 for boxes in (gt_dets_t, tracker_dets_t)]
             off = np.abs(centres[0][:, None] - centres[1][None])
-            return np.clip(1.0 - (off / (2.0 * np.array([rules.gate_lon_m, rules.gate_lat_m]))).max(axis=-1), 0.0, 1.0)
+            return np.clip(1.0 - (off / (2.0 * np.array([GATE_LON_M, GATE_LAT_M]))).max(axis=-1), 0.0, 1.0)
 
     return ByPosition
 

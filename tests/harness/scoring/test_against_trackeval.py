@@ -14,7 +14,6 @@ from harness.scoring.evidence.history import detection_history
 from harness.scoring.evidence.pairs import near_pairs
 from harness.scoring.evidence.rows import read_run
 from harness.scoring.evidence.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.metrics.clear import clear
 from harness.scoring.metrics.hota import measure_hota
 from harness.scoring.metrics.mot import idf1, measure_identity
@@ -28,12 +27,11 @@ TOLERANCE = 1e-6
 
 def test_scores_of_a_busy_run_equal_trackevals_for_both_sets_of_vehicles():
     for seed in range(2):
-        rules = ScoringSettings()
         rows = read_run(*traffic(steps=100, vehicles=40, seed=seed))
-        history = detection_history(rows.truth, rules)
-        pairs = near_pairs(rows.truth, rows.tracks, rules)
+        history = detection_history(rows.truth)
+        pairs = near_pairs(rows.truth, rows.tracks)
         for select in (select_in_sight, select_remembered):
-            sequence = mot_sequence(rows, history, pairs, select(rows, history, pairs, rules))
+            sequence = mot_sequence(rows, history, pairs, select(rows, history, pairs))
             assert len(sequence.pair_truth) > 500
             assert clear(sequence).id_switches > 0
             assert_equal_to_trackeval(sequence)
@@ -59,9 +57,9 @@ def test_scores_of_kitti_and_nuscenes_files_equal_trackevals(format_, tmp_path):
         path.write_text(json.dumps(table))
     assert score(tmp_path, truth, path, *more) == 0
     tables = (pd.read_parquet(tmp_path / "scored" / f"{name}.parquet") for name in ("truth", "detections", "tracks"))
-    rules, rows = ScoringSettings(), read_run(*tables)
-    history, pairs = detection_history(rows.truth, rules), near_pairs(rows.truth, rows.tracks, rules)
-    data = trackeval_data(mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs, rules)))
+    rows = read_run(*tables)
+    history, pairs = detection_history(rows.truth), near_pairs(rows.truth, rows.tracks)
+    data = trackeval_data(mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs)))
     told = metrics_of(tmp_path / "scored")["mot"]
     events = trackeval.metrics.CLEAR({"PRINT_CONFIG": False}).eval_sequence(data)
     assert told["hota"] == pytest.approx(100.0 * trackeval.metrics.HOTA().eval_sequence(data)["HOTA"].mean(), abs=1e-6)

@@ -14,7 +14,6 @@ from harness.scoring.evidence.assignment import best_assignment, components
 from harness.scoring.evidence.directions import nearest_row
 from harness.scoring.evidence.events import _track_ids, row_after
 from harness.scoring.evidence.history import last_row_where
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import stretches
 from harness.scoring.metrics.clear import ClearScores
 from harness.scoring.metrics.closedloop import BY_COLLISION, IN_TIME, Contact, DriveRecord, score_drive
@@ -88,21 +87,21 @@ def test_conflicts_are_counted_below_and_above_their_limits_not_at_them():
 def test_a_drive_is_told_in_these_numbers():
     nothing = np.zeros(4)
     driven = DriveRecord(
-        np.array([10.0, 9.6, 9.5, 9.5]), np.array([14.4, 100.0, np.inf, 12.0]), np.array([0.0, 0.0, 0.0, 20.0]),
-        np.array([-2.0, -2.0, -1.0, 0.0]), np.array([-1.0, -0.9, -2.0, -2.0]), 0.1,
+        np.array([10.0, 8.0, 7.5, 7.5]), np.array([14.4, 100.0, np.inf, 12.0]), np.array([0.0, 0.0, 0.0, 20.0]),
+        np.array([-2.0, -2.0, -1.0, 0.0]), np.array([-1.0, -0.9, -2.0, -2.0]), 0.5,
     )  # fmt: skip
-    told = score_drive(driven, BY_COLLISION, Contact("x", 0.2, 1.5, into=False), ScoringSettings(decision_s=0.1))
-    km = 0.1 * (9.8 + 9.55 + 9.5) / 1e3
-    jerk = np.array([(-1.0 + 4.0) / 0.1, 10.0])
+    told = score_drive(driven, BY_COLLISION, Contact("x", 0.2, 1.5, into=False))
+    km = 0.5 * (9.0 + 7.75 + 7.5) / 1e3
+    jerk = np.array([(-1.0 + 4.0) / 0.5, 2.0])
     assert told == {
-        "ended": "collision", "drives_s": 0.3, "km": pytest.approx(km), "collided_percent": 100.0, "collided_with": "x",
+        "ended": "collision", "drives_s": 1.5, "km": pytest.approx(km), "collided_percent": 100.0, "collided_with": "x",
         "ran_into": 0.0, "collision_time_s": 0.2, "impact_mps": 1.5, "ttc_below_1_5_percent": 25.0,
         "drac_above_3_4_percent": 25.0, "hard_brakes": 1, "hard_brakes_per_km": pytest.approx(1 / km), "missed": 1,
         "missed_withheld": 0,
         "missed_per_km": pytest.approx(1 / km), "phantom": 1, "phantom_per_km": pytest.approx(1 / km),
-        "mean_speed_mps": pytest.approx(1e3 * km / 0.3), "jerk_mps3": pytest.approx(np.sqrt((jerk**2).mean())),
+        "mean_speed_mps": pytest.approx(1e3 * km / 1.5), "jerk_mps3": pytest.approx(np.sqrt((jerk**2).mean())),
     }  # fmt: skip
-    short = score_drive(DriveRecord(*[nothing[:2]] * 5, 0.1), IN_TIME, None, ScoringSettings())
+    short = score_drive(DriveRecord(*[nothing[:2]] * 5, 0.1), IN_TIME, None)
     assert short["jerk_mps3"] is None
     assert [short[key] for key in ("hard_brakes_per_km", "collided_with", "ran_into", "collision_time_s")] == [None] * 4
     assert (short["km"], short["collided_percent"], short["missed"]) == (0.0, 0.0, 0)
@@ -240,16 +239,16 @@ def test_a_way_goes_on_straight_beyond_both_its_ends_which_lie_before_and_after_
         np.concatenate([time_s, time_s]), np.repeat([0, 1], 200), lon_m=np.tile(np.arange(200.0), 2),
         lat_m=np.repeat([0.0, 50.0], 200), direction_rad=np.concatenate([np.zeros(199), [0.5 * np.pi], np.zeros(200)]),
     )  # fmt: skip
-    way = _way(truth, 60, 199, 7.0)
+    way = _way(truth, 60, 199)
     first = int(way[1, 0])
-    assert way[0].tolist() == [first - 7.0, 0.0]
-    assert way[-1] == pytest.approx([199.0, 7.0])
+    assert way[0].tolist() == [first - 10.0, 0.0]
+    assert way[-1] == pytest.approx([199.0, 10.0])
     assert way[1:-1, 0].tolist() == list(np.arange(first, 200.0))
     assert set(way[:-1, 1]) == {0.0}
     assert 0 < first < 60
-    other = _way(truth, 260, 270, 7.0)
+    other = _way(truth, 260, 270)
     assert set(other[:, 1]) == {50.0}
-    assert other[-1, 0] - 7.0 < 199.0
+    assert other[-1, 0] - 10.0 < 199.0
 
 
 def test_the_distance_to_a_line_of_short_pieces():

@@ -15,7 +15,8 @@ from harness.common.bootstrap import (
     sums_by_label,
 )
 from harness.scoring.evidence.rows import _codes, _origins, read_run
-from harness.scoring.evidence.settings import ScoringSettings
+from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
+from harness.scoring.metrics.gospa import CUTOFF_M
 from tests.harness.scoring.scenes import Scene
 
 NAN = float("nan")
@@ -67,8 +68,6 @@ def test_a_vehicle_counts_up_to_the_gate_within_what_is_known_of_the_road_its_ed
     late = read_run(window.assign(window_start_m=5.1, window_end_m=14.9), detections, tracks)
     assert late.truth.in_range.tolist() == [False, True, False]
     assert late.tracks.unknowable.tolist() == [True, False, True]
-    wide = read_run(window.assign(window_start_m=5.1), detections, tracks, edge_m=2.0)
-    assert wide.truth.in_range.tolist() == [True, True, True]
     assert read_run(truth.assign(window_start_m=900.0), detections, tracks).truth.in_range.all()
 
 
@@ -141,7 +140,5 @@ def test_students_interval_of_a_ratio_by_hand():
     assert (found.low, found.high) == pytest.approx((mean - half, mean + half))
 
 
-def test_settings_of_gospa_fit_within_the_gates():
-    assert ScoringSettings(gospa_cutoff_m=4.0).gospa_cutoff_m == 4.0
-    with pytest.raises(ValueError, match=r"^gospa_cutoff_m=4.1 must be at most twice the smaller gate$"):
-        ScoringSettings(gospa_cutoff_m=4.1)
+def test_vehicles_and_tracks_are_compared_up_to_the_cut_off_of_gospa():
+    assert 2.0 * min(GATE_LON_M, GATE_LAT_M) >= CUTOFF_M

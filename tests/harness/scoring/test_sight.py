@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from harness.scoring.evidence.rows import read_run
 from harness.scoring.evidence.sequence import tracks_in_sight
-from harness.scoring.evidence.settings import ScoringSettings
 from tests.harness.scoring.scenes import Scene, score_run, traffic
 
 STEPS = np.arange(100)
@@ -110,7 +109,7 @@ def _all_confirmed() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
 
 def assert_equal_to_plain_loops(truth, detections, tracks, both=False):
     rows = read_run(truth, detections, tracks)
-    in_sight = tracks_in_sight(rows, ScoringSettings())
+    in_sight = tracks_in_sight(rows)
     number = rows.tracks.track_id.tolist()
     ours = dict(zip(zip(rows.tracks.step.tolist(), number, strict=True), in_sight.tolist(), strict=True))
     assert ours == plain_loops(truth, detections, tracks)

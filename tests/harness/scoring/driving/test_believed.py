@@ -8,7 +8,6 @@ import pytest
 
 from harness.scoring.driving.believed import egos_of, tracked_bodies, true_bodies
 from harness.scoring.evidence.rows import read_run
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
@@ -16,7 +15,6 @@ from mmpf.map.lane_graph import without_map
 from tests.harness.scoring.scenes import Scene
 
 STEPS = np.arange(12)
-SETTINGS = ScoringSettings()
 
 
 def tables(in_plane: bool = True) -> list[pd.DataFrame]:
@@ -33,7 +31,7 @@ def bodies_of(made: list[pd.DataFrame]):
     rows = read_run(*made)
     egos, there = egos_of(made[0], rows)
     road = LaneGraphRoad(without_map()) if "direction_rad" in made[0] else highway()
-    return rows, egos, there, tracked_bodies(made[1], rows, egos, road, SETTINGS)
+    return rows, egos, there, tracked_bodies(made[1], rows, egos, road)
 
 
 def of_track(rows, values, number: int) -> np.ndarray:

@@ -9,7 +9,6 @@ import pytest
 from harness.decisions.decide import driver_of
 from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.driving.withheld import WithheldAhead
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.evidence.stretches import missed_stretches
 from mmpf.map.corridor_road import highway
 from tests.harness.scoring.scenes import score_run
@@ -102,7 +101,7 @@ def test_a_car_that_is_not_in_plain_view_or_not_in_the_way_is_charged_as_ever():
 def test_a_braking_that_is_too_weak_for_a_withheld_car_is_missed():
     ahead = WithheldAhead(np.array([True, True, True, False]), np.zeros(4, dtype=bool), np.full(4, np.inf))
     needed, done = np.array([-6.0, -6.0, -1.9, -6.0]), np.array([-1.5, -5.5, 1.0, -1.5])
-    assert ahead.misses(needed, done, ScoringSettings()).tolist() == [True, False, False, False]
+    assert ahead.misses(needed, done).tolist() == [True, False, False, False]
 
 
 def test_who_nears_a_withheld_leader_in_less_than_four_seconds_must_brake():
@@ -110,7 +109,7 @@ def test_who_nears_a_withheld_leader_in_less_than_four_seconds_must_brake():
         np.zeros(4, dtype=bool), np.array([True, True, True, False]), np.array([3.9, 4.0, 3.9, 1.0])
     )
     done = np.array([0.5, 0.5, -1.0, 0.5])
-    assert right_ahead.misses(np.full(4, -0.5), done, ScoringSettings()).tolist() == [True, False, False, False]
+    assert right_ahead.misses(np.full(4, -0.5), done).tolist() == [True, False, False, False]
 
 
 def test_half_a_second_out_of_one_is_one_braking_and_episodes_are_apart():
@@ -118,10 +117,9 @@ def test_half_a_second_out_of_one_is_one_braking_and_episodes_are_apart():
     patchy = nothing.copy()
     patchy[[3, 5, 7, 9, 11]] = True
     one = np.zeros(40, dtype=np.int64)
-    settings = ScoringSettings()
 
     def found(differ, withheld, episode=one):
-        return [each.tolist() for each in missed_stretches(differ, withheld, episode, step_s, settings)]
+        return [each.tolist() for each in missed_stretches(differ, withheld, episode, step_s)]
 
     assert found(nothing, patchy) == [[3], [11]]
     assert found(patchy, nothing) == [[], []]

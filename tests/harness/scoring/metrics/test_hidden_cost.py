@@ -7,7 +7,6 @@ import itertools
 import numpy as np
 import pytest
 
-from harness.scoring.evidence.settings import ScoringSettings
 from harness.scoring.gathered import gather
 from tests.harness.scoring.scenes import Scene, score_run, traffic
 
@@ -114,9 +113,7 @@ def test_tracks_that_change_vehicles_cost_by_identity_alone():
 
 def test_the_vehicles_asked_for_do_not_depend_on_the_tracker():
     truth, detections, tracks = traffic(steps=120)
-    whole, none = (
-        gather(truth, detections, kept, ScoringSettings(), 0).following for kept in (tracks, tracks.iloc[:0])
-    )
+    whole, none = (gather(truth, detections, kept, 0).following for kept in (tracks, tracks.iloc[:0]))
     np.testing.assert_array_equal(whole.hidden, none.hidden)
     np.testing.assert_array_equal(whole.counted, none.counted)
     assert score_run(truth, detections, tracks.iloc[:0]).metrics["hidden"]["hidden_cost_m"] == CUTOFF_M
@@ -125,7 +122,7 @@ def test_the_vehicles_asked_for_do_not_depend_on_the_tracker():
 def test_the_cost_by_identity_is_that_of_the_error_table():
     truth, detections, tracks = traffic(steps=200)
     scored = score_run(truth, detections, tracks)
-    evidence = gather(truth, detections, tracks, ScoringSettings(), 0)
+    evidence = gather(truth, detections, tracks, 0)
     asked = np.flatnonzero(evidence.following.hidden)
     keys = {
         (step, truth["vehicle_id"][row])
