@@ -43,8 +43,7 @@ def visible_fractions(
     boxes, count = pack_boxes(sensor_xy, *np.concatenate([bodies, walls], axis=1)), bodies.shape[1]
     if len(boxes) == 0:
         return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0)
-    extents, angles = _order_change_angles(boxes)
-    seen, occluder, behind = _sweep(boxes, extents, np.sort(angles), count)
+    seen, occluder, behind = _sweep(boxes, count)
     return seen[:count], occluder[:count], behind[:count]
 
 
@@ -108,11 +107,10 @@ def compile_kernels() -> None:
 
 
 @kernel()
-def _sweep(
-    boxes: FloatArray, extents: FloatArray, angles: FloatArray, first_wall: int
-) -> tuple[FloatArray, IntArray, FloatArray]:
+def _sweep(boxes: FloatArray, first_wall: int) -> tuple[FloatArray, IntArray, FloatArray]:
     """Go round the circle from one order-change angle to the next and share out each interval."""
-    count = len(boxes)
+    extents = _angular_extents(boxes)
+    angles, count = _order_change_angles(boxes, extents), len(boxes)
     seen = np.zeros(count)
     total = np.zeros(count)
     covered_by = np.zeros((count, count))
@@ -181,10 +179,10 @@ def _angular_extents(boxes: FloatArray) -> FloatArray:
     return extents
 
 
-@kernel()
-def _order_change_angles(boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return extents, and angles in [0, 2 pi) in no order, between which the order along a ray is constant."""
-    extents, angles = _angular_extents(boxes), [0.0]
+@part_of_kernel()
+def _order_change_angles(boxes: FloatArray, extents: FloatArray) -> FloatArray:
+    """Return ascending angles in [0, 2 pi) between which the order along a ray is constant."""
+    angles = [0.0]
     for i in range(len(boxes)):
         angles.append(extents[i, 0])
         angles.append((extents[i, 0] + extents[i, 1]) % TWO_PI)
@@ -201,7 +199,19 @@ def _order_change_angles(boxes: FloatArray) -> tuple[FloatArray, FloatArray]:
                         crosses, x, y = _edge_crossing(boxes[i], c, boxes[j], d)
                         if crosses:
                             angles.append(np.arctan2(y, x) % TWO_PI)
-    return extents, np.array(angles)
+    return _ascending(np.array(angles))
+
+
+@part_of_kernel()
+def _ascending(values: FloatArray) -> FloatArray:
+    """Return the values in order, by insertion in place: NumPy's own methods take seconds to compile."""
+    for k in range(1, len(values)):
+        value, at = values[k], k
+        while at > 0 and values[at - 1] > value:
+            values[at] = values[at - 1]
+            at -= 1
+        values[at] = value
+    return values
 
 
 @part_of_kernel()

@@ -16,8 +16,7 @@ from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
 from mmpf.joint.sources import sources_of
 from mmpf.motion.state import LAT, LON, SPEED
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.numerics.kernels import kernel
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.options.joint import JointIdentity
 from mmpf.stages.update_rule import Finetuned
 
@@ -51,18 +50,7 @@ def hand_over_identity(
     new = np.flatnonzero(confirmed_now)
     if len(old) == 0 or len(new) == 0:
         return Finetuned(mixture, moments=moments)
-    density = np.zeros((len(new), len(old)))
-    _density_at(
-        mixture.cloud.state,
-        np.exp(mixture.cloud.log_weight),
-        mixture.starts,
-        old,
-        np.ascontiguousarray(moments.mean[:, new]),
-        moments.heading_rad[new],
-        np.array([options.kernel_lon_m, options.kernel_lat_m, options.kernel_speed_mps]),
-        density,
-    )
-    density *= components.existence[old]
+    density = _density_at(mixture, moments, new, old, options) * components.existence[old]
     was_unseen_by_then = components.unseen_s[old][None, :] > components.age_s[new][:, None] - options.both_seen_s
     possible = was_unseen_by_then | components.withdrawn[old]
     log_ratio = np.log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
@@ -79,24 +67,15 @@ def hand_over_identity(
     return Finetuned(renamed.keep(keep), int(linked.sum()), moments.take(keep))
 
 
-@kernel()
-def _density_at(
-    state: FloatArray,
-    weight: FloatArray,
-    starts: IntArray,
-    hidden: IntArray,
-    place: FloatArray,
-    heading: FloatArray,
-    kernel: FloatArray,
-    density: FloatArray,
-) -> None:
-    cosine, sine = np.cos(heading), np.sin(heading)
-    normaliser = 1.0 / ((2.0 * np.pi) ** 1.5 * kernel[0] * kernel[1] * kernel[2])
-    for h in range(len(hidden)):
-        for n in range(starts[hidden[h]], starts[hidden[h] + 1]):
-            for c in range(place.shape[1]):
-                off_lon, off_lat = state[LON, n] - place[LON, c], state[LAT, n] - place[LAT, c]
-                lon = (off_lon * cosine[c] + off_lat * sine[c]) / kernel[0]
-                lat = (off_lat * cosine[c] - off_lon * sine[c]) / kernel[1]
-                speed = (state[SPEED, n] - place[SPEED, c]) / kernel[2]
-                density[c, h] += normaliser * weight[n] * np.exp(-0.5 * (lon * lon + lat * lat + speed * speed))
+def _density_at(mixture: Mixture, moments: Moments, new: IntArray, old: IntArray, options: JointIdentity) -> FloatArray:
+    """Return the density that the old components' particles give to the new ones' place and speed, shape (k, h)."""
+    cloud, starts = mixture.cloud, mixture.starts
+    sizes = np.diff(starts)[old]
+    begins = np.cumsum(sizes) - sizes
+    particles = np.arange(sizes.sum()) + np.repeat(starts[old] - begins, sizes)
+    off_lon, off_lat, faster = (cloud.state[row, particles] - moments.mean[row, new, None] for row in (LON, LAT, SPEED))
+    along, across = turned(off_lon, off_lat, moments.heading_rad[new, None])
+    widths = options.kernel_lon_m, options.kernel_lat_m, options.kernel_speed_mps
+    squares = sum((off / width) ** 2 for off, width in zip((along, across, faster), widths, strict=True))
+    shares = np.exp(cloud.log_weight[particles] - 0.5 * squares)
+    return np.asarray(np.add.reduceat(shares, begins, axis=1) / ((2.0 * np.pi) ** 1.5 * np.prod(widths)))
