@@ -99,13 +99,14 @@ def resample_smoothly(
         return mixture
     normal = standard_normals(rng, (len(chosen), len(SMOOTHED), particles))
     cloud = mixture.cloud
-    rows = cloud.state, cloud.latents, cloud.log_raw_weight[None]
+    rows, even = (cloud.state, cloud.latents, cloud.log_raw_weight[None]), float(-np.log(particles))
 
     def smooth(begin: int, end: int) -> None:
-        _resample_in_place(begin, end, begins, offsets, weight, rows, mean, kept, factor, normal)
+        _resample_in_place(
+            begin, end, begins, offsets, weight, rows, cloud.log_weight, even, mean, kept, factor, normal
+        )
 
     in_shares(smooth, len(chosen), cost=particles)
-    cloud.log_weight[which[cloud.component]] = -np.log(particles)
     return mixture
 
 
@@ -166,12 +167,14 @@ def _resample_in_place(
     offsets: FloatArray,
     weight: FloatArray,
     rows: tuple[FloatArray, FloatArray, FloatArray],
+    log_weight: FloatArray,
+    even: float,
     mean: FloatArray,
     kept: FloatArray,
     factor: FloatArray,
     normal: Float32Array,
 ) -> None:
-    """Rewrite the rows of the components that begin at ``begins`` by their particles' ancestors', and smooth these."""
+    """Rewrite the components that begin at ``begins`` by their ancestors, of even weights, and smooth them."""
     size = normal.shape[2]
     ancestors, descended = np.empty(size, dtype=np.int64), np.empty(size)
     for c in range(begin, end):
@@ -184,6 +187,8 @@ def _resample_in_place(
                 # An assignment to the slice would have the compiler make ready its message for shapes that differ.
                 for k in range(size):
                     block[row, first + k] = descended[k]
+        for k in range(size):
+            log_weight[first + k] = even
     _smooth(begin, end, rows[0], begins, mean, kept, factor, normal)
 
 

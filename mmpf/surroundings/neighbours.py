@@ -92,19 +92,18 @@ class KnownTraffic:
             sign: 1 if it is ahead, -1 if it is behind.
             index: Particles that are asked for; None for all.
         """
-        lon, speed, component = self.state[LON], self.state[SPEED], self.component
-        if index is not None:
-            lon, speed, component, lane = lon[index], speed[index], component[index], lane[index]
-        n = len(lon)
+        asked = np.arange(len(lane)) if index is None else index
+        n = len(asked)
         found = Neighbour(np.empty(n, dtype=np.bool_), *(np.empty(n) for _ in range(4)))
 
         def measure(begin: int, end: int) -> None:
             _measure_neighbours(
                 begin,
                 end,
-                lon,
-                speed,
-                component,
+                asked,
+                self.state[LON],
+                self.state[SPEED],
+                self.component,
                 lane,
                 nearest,
                 sign,
@@ -153,6 +152,7 @@ class UnmeasuredNeighbour:
 def _measure_neighbours(
     begin: int,
     end: int,
+    index: IntArray,
     lon: FloatArray,
     speed: FloatArray,
     component: IntArray,
@@ -168,17 +168,19 @@ def _measure_neighbours(
     neighbour_length: FloatArray,
 ) -> None:
     """Fill in the neighbours in one direction: ``nearest`` has one per component and lane, ``sign`` is -1 behind."""
-    for n in range(begin, end):
+    for k in range(begin, end):
+        n = index[k]
+        own_length = length[component[n]]
         found = nearest[component[n], lane[n]] if lane[n] >= 0 else NOBODY
         if found >= 0:
-            exists[n] = True
-            gap[n] = sign * (others[0, found] - lon[n]) - 0.5 * (length[component[n]] + length[found])
-            neighbour_speed[n] = others[1, found]
-            neighbour_accel[n] = others[2, found]
-            neighbour_length[n] = length[found]
+            exists[k] = True
+            gap[k] = sign * (others[0, found] - lon[n]) - 0.5 * (own_length + length[found])
+            neighbour_speed[k] = others[1, found]
+            neighbour_accel[k] = others[2, found]
+            neighbour_length[k] = length[found]
         else:
-            exists[n] = False
-            gap[n] = np.inf
-            neighbour_speed[n] = speed[n]
-            neighbour_accel[n] = 0.0
-            neighbour_length[n] = length[component[n]]
+            exists[k] = False
+            gap[k] = np.inf
+            neighbour_speed[k] = speed[n]
+            neighbour_accel[k] = 0.0
+            neighbour_length[k] = own_length
