@@ -228,12 +228,13 @@ class LearnedDriver:
         index = np.flatnonzero(fresh)
         if len(index):
             drawn[KNOWN, index] = 1.0
-            own = self.model.follower.draw(state, surroundings.leader, index, rng)
-            drawn[FOLLOWER : FOLLOWER + len(own), index] = own
-            drawn[DESIRED_SPEED, index] = self._desired_speed(state[:, index], rng)
+            driver = self.model.follower.draw(state, surroundings.leader, index, rng)
+            drawn[FOLLOWER : FOLLOWER + len(driver), index] = driver
+            own = state.take(index, axis=1)
+            drawn[DESIRED_SPEED, index] = self._desired_speed(own, rng)
             drawn[PACE, index] = 1.0
             self._draw_by_road(drawn, index[np.isfinite(surroundings.road_speed_mps[index])], rng)
-            drawn[OFFSET, index] = self.model.keeper.draw_offset(state[:, index], surroundings, index, rng)
+            drawn[OFFSET, index] = self.model.keeper.draw_offset(own[LAT], surroundings, index, rng)
         if self.changes_lanes:
             self.model.keeper.switch_intentions(state[LAT], drawn[INTENTION:], surroundings, dt_s, rng)
 

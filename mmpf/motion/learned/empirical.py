@@ -14,7 +14,6 @@ from typing import ClassVar
 import numpy as np
 
 from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
-from mmpf.motion.learned.features import SITUATION_SIZE
 from mmpf.motion.learned.follower import seen_by
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import ACCEL
@@ -55,7 +54,7 @@ class EmpiricalFollower:
     def accelerations(
         self,
         state: FloatArray,
-        drivers: FloatArray,  # noqa: ARG002
+        drivers: FloatArray,
         leader: Neighbour,
         index: IntArray,
         dt_s: float,  # noqa: ARG002  the table is of steps of one length
@@ -63,7 +62,7 @@ class EmpiricalFollower:
     ) -> FloatArray:
         """Draw changes of acceleration from the cells' quantiles, linear in between; see ``Follower``."""
         rows = self.changes_mps2.reshape(-1, self.changes_mps2.shape[-1])
-        cell = self.cells(seen_by(index, state, leader, SITUATION_SIZE))
+        cell = self.cells(seen_by(index, state, leader, drivers[:0]))
         level = rng.random(len(index), dtype=np.float32) * (rows.shape[1] - 1)
         below = level.astype(np.int64)
         share = level - below

@@ -41,14 +41,16 @@ def write_situations(
     accel_mps2: FloatArray,
     leader_speed_mps: FloatArray,
     leader_accel_mps2: FloatArray,
+    drivers: FloatArray,
     seen: Float32Array,
 ) -> None:
-    """Write what the particles ``index``, shape (k,), see into ``seen``, shape (5, k), variable by variable.
+    """Write what the particles ``index``, shape (k,), see, and below it their drivers, variable by variable.
 
-    The other arguments are those of ``situation``, of everyone, shape (n,); a leader that is no nearer than
-    ``FURTHEST_LEADER_M`` counts as one there at the particle's own speed.
+    The other arguments are those of ``situation``, of everyone, shape (n,), and of ``drivers`` r rows, shape (r, n);
+    ``seen``, shape (5 + r, k), is written. A leader that is no nearer than ``FURTHEST_LEADER_M`` counts as one there at
+    the particle's own speed.
     """
-    _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, seen)
+    _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, drivers, seen)
     # Of the whole row: compiled one by one, logarithms take several times as long.
     np.log(seen[0], out=seen[0])
 
@@ -67,8 +69,12 @@ def _gather(
     accel: FloatArray,
     leader_speed: FloatArray,
     leader_accel: FloatArray,
+    drivers: FloatArray,
     seen: Float32Array,
 ) -> None:
+    for row in range(len(drivers)):
+        for k in range(len(index)):
+            seen[SITUATION_SIZE + row, k] = drivers[row, index[k]]
     for k in range(len(index)):
         n = index[k]
         is_near = gap[n] < FURTHEST_LEADER_M

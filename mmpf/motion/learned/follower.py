@@ -70,11 +70,11 @@ def situations(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatAr
     return situation(gap, own_speed, state[ACCEL, index], leader_speed, leader_accel)
 
 
-def seen_by(index: IntArray, state: FloatArray, leader: Neighbour, rows: int) -> Float32Array:
-    """Return what followers see in the first of ``rows`` rows, shape (rows, k); the others are yet to be written."""
-    seen = np.empty((rows, len(index)), dtype=np.float32)
+def seen_by(index: IntArray, state: FloatArray, leader: Neighbour, drivers: FloatArray) -> Float32Array:
+    """Return what followers see, and below it rows of all drivers, (r, n): shape (5 + r, k)."""
+    seen = np.empty((SITUATION_SIZE + len(drivers), len(index)), dtype=np.float32)
     accel, leaders = state[ACCEL], (leader.speed_mps, leader.accel_mps2)
-    write_situations(index, leader.gap_m, state[SPEED], accel, *leaders, seen[:SITUATION_SIZE])
+    write_situations(index, leader.gap_m, state[SPEED], accel, *leaders, drivers, seen)
     return seen
 
 
@@ -109,6 +109,5 @@ class MixtureFollower:
         rng: np.random.Generator,
     ) -> FloatArray:
         """Draw from the mixture; see ``Follower``."""
-        seen = seen_by(index, state, leader, SITUATION_SIZE + 1)
-        seen[-1] = drivers[0, index]
+        seen = seen_by(index, state, leader, drivers[:1])
         return np.asarray(self.following.sample_columns(seen, rng)[0] + drivers[1, index])

@@ -8,7 +8,6 @@ import numpy as np
 
 from mmpf.motion.learned.kernel import LaneHolding, switch_intentions
 from mmpf.motion.protocol import Surroundings, offset_in_lane
-from mmpf.motion.state import LAT
 from mmpf.motion.tries import log_ratio_of_begun
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -38,11 +37,11 @@ class LaneKeeper:
     seen_changes_per_s: float
 
     def draw_offset(
-        self, state: FloatArray, surroundings: Surroundings, index: IntArray, rng: np.random.Generator
+        self, lat_m: FloatArray, surroundings: Surroundings, index: IntArray, rng: np.random.Generator
     ) -> FloatArray:
-        """Draw the places in the lane, metres from its middle, of particles ``index`` with states (6, len(index))."""
+        """Draw the places in the lane, metres from its middle, of particles ``index`` at ``lat_m``, (len(index),)."""
         right, left = surroundings.lane_right_m[index], surroundings.lane_left_m[index]
-        offset = offset_in_lane(state[LAT], right, left)
+        offset = offset_in_lane(lat_m, right, left)
         spread = self.offset_spread_m * rng.standard_normal(len(index))
         # Where several vehicles have room side by side, the middle is nobody's place.
         widest = np.where(left - right > WIDEST_LANE_M, 0.5 * (left - right), WIDEST_OFFSET_M)

@@ -105,7 +105,7 @@ class RecurrentFollower:
         rng: np.random.Generator,
     ) -> FloatArray:
         """Return what the network makes of the situation and its memory, which takes it in; see ``Follower``."""
-        seen, accel = inputs_of(index, state, leader, SITUATION_SIZE), np.empty(len(index))
+        seen, accel = inputs_of(index, state, leader, drivers[:0]), np.empty(len(index))
 
         def forward(begin: int, end: int) -> None:
             _forward(begin, end, seen, drivers, index, self.network, dt_s, accel)
@@ -136,8 +136,7 @@ def _forward(
         sums = product(from_inputs, np.clip(block, low, high) - mean)
         _remember(sums, network.b, product(network.u.T, memory), network.c, steps, memory)
         said = product(network.out.T, memory)
-        _spread(said, network.shift, own)
-        approach(block, said[0], np.float32(0.0), lag, accel[some])
+        _accelerate(block, said, network.shift, own, lag, accel[some])
         drivers[NOISE:, index[some]] = memory
 
 
@@ -166,8 +165,10 @@ def _remember(
 
 
 @kernel(fastmath=True)
-def _spread(said: Float32Array, shift: Float32Array, noise: Float32Array) -> None:
-    """Add the noise, by the factors that the network says, to the first of its outputs, shape (4, n), in place."""
+def _accelerate(
+    seen: Float32Array, said: Float32Array, shift: Float32Array, noise: Float32Array, lag: np.float32, accel: FloatArray
+) -> None:
+    """Write accelerations, given the network's outputs, (4, n): what it adds to IDM's, and the factors of the noise."""
     one = np.float32(1.0)
     for n in range(said.shape[1]):
         added = said[0, n] + shift[0]
@@ -175,6 +176,7 @@ def _spread(said: Float32Array, shift: Float32Array, noise: Float32Array) -> Non
             factor = said[k, n] + shift[k]
             added += noise[k - 1, n] * (one + factor if factor > np.float32(0.0) else one / (one - factor))
         said[0, n] = added
+    approach(seen, said[0], np.float32(0.0), lag, accel)
 
 
 def save_recurrent(path: Path, network: RecurrentWeights) -> None:

@@ -96,8 +96,7 @@ class ResidualFollower:
         rng: np.random.Generator,
     ) -> FloatArray:
         """Return what the network makes of the situation and let the noise go on; see ``Follower``."""
-        seen = inputs_of(index, state, leader, INPUTS)
-        seen[SITUATION_SIZE:] = drivers.take(index, axis=1)
+        seen = inputs_of(index, state, leader, drivers)
         accel = np.empty(len(index))
         lag = lag_of_step(self.network.lag, dt_s)
         in_shares(lambda begin, end: _forward(begin, end, seen, self.network, lag, accel), len(index), 20.0, BLOCK)
@@ -105,9 +104,9 @@ class ResidualFollower:
         return accel
 
 
-def inputs_of(index: IntArray, state: FloatArray, leader: Neighbour, rows: int) -> Float32Array:
-    """Return situations in the first of ``rows`` rows, shape (rows, k), with no leader's acceleration out of bounds."""
-    seen = seen_by(index, state, leader, rows)
+def inputs_of(index: IntArray, state: FloatArray, leader: Neighbour, drivers: FloatArray) -> Float32Array:
+    """Return what ``seen_by`` does, with no leader's acceleration out of bounds."""
+    seen = seen_by(index, state, leader, drivers)
     np.clip(seen[SITUATION_SIZE - 1], *STRONGEST_LEADER_MPS2, out=seen[SITUATION_SIZE - 1])
     return seen
 
@@ -122,7 +121,8 @@ def let_noise_go_on(rows: FloatArray, dt_s: float, rng: np.random.Generator) -> 
     for row, scale_s in zip(rows, TIME_SCALES_S, strict=True):
         kept = np.exp(-dt_s / scale_s)
         if kept < 1.0:
-            row[:] = kept * row + np.sqrt(1.0 - kept**2) * standard_normals(rng, row.shape)
+            np.multiply(row, kept, out=row)
+            np.add(row, np.sqrt(1.0 - kept**2) * standard_normals(rng, row.shape), out=row)
 
 
 _USUAL = tuple(np.float32(value) for value in vars(USUAL_DRIVER).values())
@@ -174,7 +174,7 @@ def _units(sums: Float32Array, shift: Float32Array) -> Float32Array:
     return sums
 
 
-@kernel(fastmath=True)
+@part_of_kernel(fastmath=True)
 def approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: np.float32, accel: FloatArray) -> None:
     """Write accelerations, shape (n,), that approach those of IDM and what is added to them."""
     free_speed, headway, strongest, comfortable, _, standstill = _USUAL
