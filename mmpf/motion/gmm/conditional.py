@@ -152,8 +152,8 @@ class ConditionalGmm:
     @cached_property
     def _conditional(self) -> Conditional:
         logit_matrix = np.ascontiguousarray(self.logit_matrix, dtype=np.float32)
-        by_input = np.ascontiguousarray(self.slope.transpose(0, 2, 1))
-        return Conditional(logit_matrix, self.bias, by_input, self.noise_factor)
+        by_output = (np.moveaxis(part, 0, -1) for part in (self.bias, self.slope, self.noise_factor))
+        return Conditional(logit_matrix, *map(np.ascontiguousarray, by_output))
 
     @cached_property
     def _no_scaling(self) -> Scaling:

@@ -40,9 +40,9 @@ class Conditional(NamedTuple):
 
     Attributes:
         logit_matrix: Coefficients of the log-weights over ``[1, x, x_i x_j (i <= j)]``, shape (k, 1 + p + p(p+1)/2).
-        bias: Conditional means at zero, shape (k, q).
-        slope: Slopes of the conditional means, shape (k, p, q).
-        noise_factor: Cholesky factors of the conditional covariances, shape (k, q, q).
+        bias: Conditional means at zero, shape (q, k).
+        slope: Slopes of the conditional means, shape (q, p, k).
+        noise_factor: Cholesky factors of the conditional covariances, shape (q, q, k).
     """
 
     logit_matrix: Float32Array
@@ -79,31 +79,17 @@ def draw_outputs(
         normal: Standard normal draws, shape (q, n).
         drawn: Outputs, shape (q, n), which are written.
     """
-    p, q = len(x), len(drawn)
-    logit_matrix, bias, slope, noise_factor = conditional
+    logit_matrix = conditional.logit_matrix
     expanded = np.zeros((logit_matrix.shape[1], BLOCK), dtype=np.float32)
     logits = np.empty((logit_matrix.shape[0], BLOCK), dtype=np.float32)
     top = np.empty(BLOCK, dtype=np.float32)
     component = np.zeros(BLOCK, dtype=np.int32)
-    values = np.empty(q)
     for first in range(begin, end, BLOCK):
-        rows = min(BLOCK, end - first)
-        _expand(x[:, first : first + rows], scaling, expanded)
+        block = slice(first, min(first + BLOCK, end))
+        _expand(x[:, block], scaling, expanded)
         multiply(logit_matrix, expanded, logits)
-        _pick(logits, uniform[first : first + rows], top, component)
-        for row in range(rows):
-            picked = component[row]
-            for output in range(q):
-                values[output] = bias[picked, output]
-            for i in range(p):
-                one, by_output = expanded[1 + i, row], slope[picked, i]
-                for output in range(q):
-                    values[output] += by_output[output] * one
-            for output in range(q):
-                value = values[output]
-                for j in range(output + 1):
-                    value += noise_factor[picked, output, j] * normal[j, first + row]
-                drawn[output, first + row] = scaling.output_mean[output] + scaling.output_scale[output] * value
+        _pick(logits, uniform[block], top, component)
+        _draw(component, expanded, normal[:, block], scaling, conditional, drawn[:, block])
 
 
 @part_of_kernel(fastmath=True)
@@ -143,8 +129,9 @@ def _pick(logits: Float32Array, uniform: Float32Array, top: Float32Array, compon
         one = logits[k]
         for row in range(BLOCK):
             top[row] = max(top[row], one[row])
+    total = np.zeros(BLOCK, dtype=np.float32)
     for k in range(len(logits)):
-        one, passed = logits[k], logits[max(k - 1, 0)]
+        one = logits[k]
         for row in range(BLOCK):
             t = max(one[row] - top[row], np.float32(NEGLIGIBLE_LOG_WEIGHT)) * np.float32(1.0 / 32.0)
             root = np.float32(1.0 / 120.0)
@@ -158,14 +145,39 @@ def _pick(logits: Float32Array, uniform: Float32Array, top: Float32Array, compon
             root *= root
             root *= root
             root *= root
-            one[row] = root if t > np.float32(NEGLIGIBLE_LOG_WEIGHT / 32.0) else np.float32(0.0)
-        if k:
-            for row in range(BLOCK):
-                one[row] += passed[row]
-    total = logits[-1]
+            total[row] += root if t > np.float32(NEGLIGIBLE_LOG_WEIGHT / 32.0) else np.float32(0.0)
+            one[row] = total[row]
     for row in range(rows):
         top[row] = uniform[row] * total[row]
     for k in range(len(logits) - 1):
         one = logits[k]
         for row in range(rows):
             component[row] += one[row] <= top[row]
+
+
+@part_of_kernel(fastmath=True)
+def _draw(
+    component: Int32Array,
+    expanded: Float32Array,
+    normal: Float32Array,
+    scaling: Scaling,
+    conditional: Conditional,
+    drawn: FloatArray,
+) -> None:
+    """Draw from the conditional Gaussians of the picked components, output by output, for each column of ``drawn``."""
+    for output in range(len(drawn)):
+        values = drawn[output]
+        bias = conditional.bias[output]
+        for row in range(len(values)):
+            values[row] = bias[component[row]]
+        for i in range(conditional.slope.shape[1]):
+            slope, one = conditional.slope[output, i], expanded[1 + i]
+            for row in range(len(values)):
+                values[row] += slope[component[row]] * one[row]
+        for j in range(output + 1):
+            factor, noise = conditional.noise_factor[output, j], normal[j]
+            for row in range(len(values)):
+                values[row] += factor[component[row]] * noise[row]
+        mean, scale = scaling.output_mean[output], scaling.output_scale[output]
+        for row in range(len(values)):
+            values[row] = mean + scale * values[row]
