@@ -49,17 +49,20 @@ def merge_lasting_overlaps(
     mean, lon_m, lat_m = moments.mean, options.lon_m, options.lat_m
     is_hidden = components.unseen_s > hidden_after_s
     along, across = turned(mean[LON][:, None] - mean[LON], mean[LAT][:, None] - mean[LAT], moments.heading_rad[:, None])
-    distance = np.hypot(along / lon_m, across / lat_m)
     apart = (np.abs(along) >= lon_m) | (np.abs(across) >= lat_m)
     apart |= np.abs(mean[SPEED][:, None] - mean[SPEED][None, :]) >= options.speed_mps
-    apart |= np.cos(moments.heading_rad[:, None] - moments.heading_rad) < SAME_WAY
     both = components.confirmed[:, None] & components.confirmed[None, :]
     there = alive & (components.existence > options.existence_above)
     apart |= ~(there[:, None] & there[None, :])
     has_own_detection = components.unseen_s == 0.0
     apart |= both & has_own_detection[:, None] & has_own_detection[None, :]
-    distance[apart | (both & (is_hidden[:, None] != is_hidden[None, :]))] = np.inf
-    np.fill_diagonal(distance, np.inf)
+    apart |= both & (is_hidden[:, None] != is_hidden[None, :])
+    np.fill_diagonal(apart, val=True)
+    one, other = np.nonzero(~apart)
+    same_way = np.cos(moments.heading_rad[one] - moments.heading_rad[other]) >= SAME_WAY
+    one, other = one[same_way], other[same_way]
+    distance = np.full(apart.shape, np.inf)
+    distance[one, other] = np.hypot(along[one, other] / lon_m, across[one, other] / lat_m)
     nearest = distance.argmin(axis=1)
     overlaps = np.isfinite(distance[np.arange(len(mixture)), nearest])
     partner = np.where(overlaps, components.track_id[nearest], NEVER)

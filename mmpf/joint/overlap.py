@@ -51,11 +51,12 @@ def driven_through(
     length, width, speed = components.length_m, components.width_m, moments.mean[SPEED]
     along_m, across_m = _apart(moments)
     way_m, passing_mps = length[:, None] + length, np.abs(speed[:, None] - speed)
-    passes = (along_m < 0.5 * way_m) & (passing_mps > least_mps)
-    passes &= np.abs(np.cos(moments.heading_rad[:, None] - moments.heading_rad)) > PARALLEL
+    one, other = np.nonzero((along_m < 0.5 * way_m) & (passing_mps > least_mps))
+    parallel = np.abs(np.cos(moments.heading_rad[one] - moments.heading_rad[other])) > PARALLEL
     variance = moments.std_across_m**2
-    beside_m = across_m - 0.5 * (width[:, None] + width)
-    touch = passes * ndtr(-beside_m / np.sqrt(np.maximum(variance[:, None] + variance, 1e-12)))
+    beside_m = across_m[one, other] - 0.5 * (width[one] + width[other])
+    touch = np.zeros_like(across_m)
+    touch[one, other] = parallel * ndtr(-beside_m / np.sqrt(np.maximum(variance[one] + variance[other], 1e-12)))
     return touch, np.minimum(passing_mps * dt_s / way_m, 1.0)
 
 

@@ -53,4 +53,8 @@ class SensorPlane:
     def distance_m(self, lon_m: FloatArray, lat_m: FloatArray) -> FloatArray:
         """Return how far from the sensor road-frame positions lie, metres, the arguments' shape."""
         x, y = self.seen_from_sensor(lon_m, lat_m)
-        return np.sqrt(x * x + y * y)
+        # In place: these are all particles' places.
+        x *= x
+        y *= y
+        x += y
+        return np.sqrt(x)

@@ -24,7 +24,7 @@ from mmpf.motion.protocol import (
     step_in_place,
     without_limits,
 )
-from mmpf.motion.state import ACCEL
+from mmpf.motion.state import ACCEL, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.numerics.arrays import FloatArray
 
@@ -90,14 +90,17 @@ class Manoeuvring:
         begun = np.flatnonzero(is_seen & ~holds & (change < -np.expm1(-dt_s * self.begin_per_s)))
         # Evenly spread, particle after particle: those of one vehicle leave no wide gap between what they try.
         even = (rng.random() + GOLDEN_RATIO * np.arange(len(begun))) % 1.0
-        drawn = state[ACCEL, begun] + self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         holding = np.concatenate([held, begun])
-        accel = np.clip(np.concatenate([state[ACCEL, held], drawn]), -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2)
+        before = state.take(holding, axis=1)
+        accel = before[ACCEL].copy()
+        accel[len(held) :] += self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
+        np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, out=accel)
         latents[HOLDS] = 0.0
         latents[HOLDS, holding] = 1.0
-        driven = moved.take(holding, axis=1)
-        move_along(state.take(holding, axis=1), driven, accel, np.zeros_like(accel), dt_s)
-        moved[:, holding] = driven
+        after = np.empty_like(before)
+        move_along(before, after, accel, np.zeros_like(accel), dt_s)
+        for row in (LON, SPEED, ACCEL):
+            moved[row, holding] = after[row]
         return moved
 
     def log_prior_over_tried(

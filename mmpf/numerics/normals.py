@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import prod
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,7 +23,7 @@ def standard_normals(rng: np.random.Generator, shape: tuple[int, ...]) -> Float3
         rng: Source of randomness.
         shape: Shape of the result.
     """
-    size = int(np.prod(shape))
+    size = prod(shape)
     pairs = (size + 1) // 2
     bits = rng.integers(0, 2**64, size=pairs, dtype=np.uint64).view(np.uint32)
     drawn = np.empty(2 * pairs, dtype=np.float32)
