@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -182,7 +181,7 @@ class Mixture:
     def __len__(self) -> int:
         return len(self.components)
 
-    @cached_property
+    @property
     def starts(self) -> IntArray:
         """Where each component's particles begin, and the end of the last, shape (m + 1,)."""
         return self.cloud.starts(len(self.components))
@@ -220,10 +219,11 @@ class Mixture:
         )
 
     def _kept_cloud(self, keep: BoolArray, then: ParticleCloud | None = None) -> ParticleCloud:
-        starts, kept = self.starts, int(keep.sum())
+        starts = self.starts
         edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]])))
         stretches = [slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2)]
-        component = np.repeat(np.arange(kept), np.diff(starts)[keep])
+        sizes = np.diff(starts)[keep]
         if then is not None:
-            component = np.concatenate([component, kept + then.component])
+            sizes = np.concatenate([sizes, np.bincount(then.component)])
+        component = np.repeat(np.arange(len(sizes)), sizes)
         return self.cloud.stretches(stretches, component, then)

@@ -87,8 +87,9 @@ def resample_smoothly(
         ValueError: One of the chosen has another number of particles.
     """
     chosen = np.flatnonzero(which)
-    begins = mixture.starts[chosen]
-    if (np.diff(mixture.starts)[chosen] != particles).any():
+    starts = mixture.starts
+    begins = starts[chosen]
+    if (np.diff(starts)[chosen] != particles).any():
         raise ValueError(f"each component that is resampled in place must have {particles} particles")
     weight = np.exp(mixture.cloud.log_weight)
     mean = component_moments(mixture, chosen, weight).mean[list(SMOOTHED)]

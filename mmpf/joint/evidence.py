@@ -164,7 +164,8 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
     """
     noise_factor = sources_of(mixture).noise_factor
     component, detection = np.nonzero(gate_table(moments, detections, gate_std, noise_factor))
-    sizes = np.diff(mixture.starts)[component]
+    particle_starts = mixture.starts
+    sizes = np.diff(particle_starts)[component]
     factor = noise_factor[component]
     std = np.stack(
         [
@@ -184,7 +185,7 @@ def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections
     values = np.empty(starts[-1])
     _evaluate(
         mixture.cloud.state,
-        mixture.starts,
+        particle_starts,
         component,
         detection,
         np.stack([detections.lon_m, detections.lat_m, detections.speed_mps]),

@@ -106,11 +106,12 @@ class JointUpdate:
         likelihoods = gated_likelihoods(prior, moments, detections, options.gate_std)
         alive, ended = ended_meanwhile(before, known.false_objects, situation.dt_s, self.joint)
         existence = alive.sum(axis=(1, 2, 3))
-        prior_weight = normalised(prior.cloud.log_raw_weight, prior.starts)
+        starts = prior.starts
+        prior_weight = normalised(prior.cloud.log_raw_weight, starts)
 
         evidence, not_seen = association_evidence(
             prior_weight,
-            prior.starts,
+            starts,
             occlusion.detection_probability,
             likelihoods,
             len(detections),
@@ -122,7 +123,7 @@ class JointUpdate:
 
         factor = particle_factors(
             occlusion.detection_probability,
-            prior.starts,
+            starts,
             likelihoods,
             marginals.detection_message / clutter_density,
         )
@@ -134,7 +135,7 @@ class JointUpdate:
             options.exclusion_per_s * situation.dt_s,
         )
         raw = np.log(np.maximum(prior_weight * factor, 1e-300))
-        log_weight = log_normalised(raw, prior.starts)
+        log_weight = log_normalised(raw, starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
 
         claimed = (evidence * marginals.detection_message).sum(axis=1) / np.maximum(existence, 1e-300)

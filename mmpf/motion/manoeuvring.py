@@ -24,10 +24,11 @@ from mmpf.motion.protocol import (
     step_in_place,
     without_limits,
 )
-from mmpf.motion.state import ACCEL, LON, SPEED
+from mmpf.motion.state import ACCEL, LON, SPEED, STATE_SIZE
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.numerics.arrays import FloatArray
 
+MOVED = (LON, SPEED, ACCEL)
 GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
 
 HOLDS = -1
@@ -91,7 +92,9 @@ class Manoeuvring:
         # Evenly spread, particle after particle: those of one vehicle leave no wide gap between what they try.
         even = (rng.random() + GOLDEN_RATIO * np.arange(len(begun))) % 1.0
         holding = np.concatenate([held, begun])
-        before = state.take(holding, axis=1)
+        before = np.empty((STATE_SIZE, len(holding)))
+        for row in MOVED:
+            before[row] = state[row, holding]
         accel = before[ACCEL].copy()
         accel[len(held) :] += self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, out=accel)
@@ -99,7 +102,7 @@ class Manoeuvring:
         latents[HOLDS, holding] = 1.0
         after = np.empty_like(before)
         move_along(before, after, accel, np.zeros_like(accel), dt_s)
-        for row in (LON, SPEED, ACCEL):
+        for row in MOVED:
             moved[row, holding] = after[row]
         return moved
 
