@@ -34,7 +34,14 @@ def situation(
     return np.stack([log_gap, speed_mps, accel_mps2, speed_mps - leader_speed_mps, leader_accel_mps2], axis=1)
 
 
-def write_situations(
+def log_headway(gap_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
+    """Return the logarithm of the time headway beyond the standstill gap, in the arguments' shape."""
+    beyond_standstill = np.maximum(gap_m - STANDSTILL_GAP_M, SMALLEST_GAP_M)
+    return np.asarray(np.log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
+
+
+@kernel()
+def gather_situations(
     index: IntArray,
     gap_m: FloatArray,
     speed_mps: FloatArray,
@@ -44,42 +51,20 @@ def write_situations(
     drivers: FloatArray,
     seen: Float32Array,
 ) -> None:
-    """Write what the particles ``index``, shape (k,), see, and below it their drivers, variable by variable.
+    """Write what the particles ``index``, shape (k,), see, its gap yet without logarithm, and below it their drivers.
 
     The other arguments are those of ``situation``, of everyone, shape (n,), and of ``drivers`` r rows, shape (r, n);
-    ``seen``, shape (5 + r, k), is written. A leader that is no nearer than ``FURTHEST_LEADER_M`` counts as one there at
-    the particle's own speed.
+    ``seen``, shape (5 + r, k), is written variable by variable. A leader that is no nearer than ``FURTHEST_LEADER_M``
+    counts as one there at the particle's own speed.
     """
-    _gather(index, gap_m, speed_mps, accel_mps2, leader_speed_mps, leader_accel_mps2, drivers, seen)
-    # Of the whole row: compiled one by one, logarithms take several times as long.
-    np.log(seen[0], out=seen[0])
-
-
-def log_headway(gap_m: FloatArray, speed_mps: FloatArray) -> FloatArray:
-    """Return the logarithm of the time headway beyond the standstill gap, in the arguments' shape."""
-    beyond_standstill = np.maximum(gap_m - STANDSTILL_GAP_M, SMALLEST_GAP_M)
-    return np.asarray(np.log(beyond_standstill / np.maximum(speed_mps, SLOWEST_HEADWAY_SPEED_MPS)))
-
-
-@kernel()
-def _gather(
-    index: IntArray,
-    gap: FloatArray,
-    speed: FloatArray,
-    accel: FloatArray,
-    leader_speed: FloatArray,
-    leader_accel: FloatArray,
-    drivers: FloatArray,
-    seen: Float32Array,
-) -> None:
     for row in range(len(drivers)):
         for k in range(len(index)):
             seen[SITUATION_SIZE + row, k] = drivers[row, index[k]]
     for k in range(len(index)):
         n = index[k]
-        is_near = gap[n] < FURTHEST_LEADER_M
-        seen[0, k] = max(gap[n], SMALLEST_GAP_M) if is_near else FURTHEST_LEADER_M
-        seen[1, k] = speed[n]
-        seen[2, k] = accel[n]
-        seen[3, k] = speed[n] - leader_speed[n] if is_near else 0.0
-        seen[4, k] = leader_accel[n] if is_near else 0.0
+        is_near = gap_m[n] < FURTHEST_LEADER_M
+        seen[0, k] = max(gap_m[n], SMALLEST_GAP_M) if is_near else FURTHEST_LEADER_M
+        seen[1, k] = speed_mps[n]
+        seen[2, k] = accel_mps2[n]
+        seen[3, k] = speed_mps[n] - leader_speed_mps[n] if is_near else 0.0
+        seen[4, k] = leader_accel_mps2[n] if is_near else 0.0

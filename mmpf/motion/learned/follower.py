@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from mmpf.motion.gmm.scaled import ScaledGmm
-from mmpf.motion.learned.features import FURTHEST_LEADER_M, SITUATION_SIZE, situation, write_situations
+from mmpf.motion.learned.features import FURTHEST_LEADER_M, SITUATION_SIZE, gather_situations, situation
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import ACCEL, SPEED
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
@@ -74,7 +74,9 @@ def seen_by(index: IntArray, state: FloatArray, leader: Neighbour, drivers: Floa
     """Return what followers see, and below it rows of all drivers, (r, n): shape (5 + r, k)."""
     seen = np.empty((SITUATION_SIZE + len(drivers), len(index)), dtype=np.float32)
     accel, leaders = state[ACCEL], (leader.speed_mps, leader.accel_mps2)
-    write_situations(index, leader.gap_m, state[SPEED], accel, *leaders, drivers, seen)
+    gather_situations(index, leader.gap_m, state[SPEED], accel, *leaders, drivers, seen)
+    # Of the whole row: compiled one by one, logarithms take several times as long.
+    np.log(seen[0], out=seen[0])
     return seen
 
 
