@@ -155,7 +155,10 @@ def _fraction_of_each(
     """Look up the rays of each particle."""
     sectors = depth.shape[1]
     per_radian = sectors / (2.0 * np.pi)
-    nearest, behind, nearest_caster = depth[0], depth[1], caster[0]
+    # Two turns, since a vehicle may lie across the table's ends.
+    surface = np.empty(2 * sectors)
+    for k in range(sectors):
+        surface[k] = surface[sectors + k] = depth[1, k] if caster[0, k] == own else depth[0, k]
     half_length, half_width, cosine, sine = outline
     distance, halves, places = np.empty(len(x)), np.empty(len(x)), np.empty(len(x))
     # Without branches, so that the compiler turns it into vector instructions.
@@ -175,12 +178,7 @@ def _fraction_of_each(
             first += sectors
         clear = 0
         for k in range(rays):
-            sector = int(first + k * step)
-            # At most one turn too far: a remainder would cost more than all the rest.
-            if sector >= sectors:
-                sector -= sectors
-            surface = behind[sector] if nearest_caster[sector] == own else nearest[sector]
-            clear += surface >= distance[n]
+            clear += surface[int(first + k * step)] >= distance[n]
         fraction[n] = clear / rays
 
 
