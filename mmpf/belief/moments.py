@@ -88,7 +88,7 @@ def component_moments(mixture: Mixture, chosen: IntArray | None = None, weight: 
 def effective_sizes(mixture: Mixture) -> FloatArray:
     """Return each component's effective sample size 1 / sum w^2, shape (m,)."""
     weight = np.exp(mixture.cloud.log_weight)
-    squares = totals(weight * weight, mixture.starts)
+    squares = totals(np.square(weight, out=weight), mixture.starts)
     return np.divide(1.0, squares, out=np.zeros(len(mixture)), where=squares > 0.0)
 
 

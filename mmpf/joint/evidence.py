@@ -24,7 +24,8 @@ def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return weights that sum to one within each component, shape (n,)."""
     weight = _below_largest(log_weight, starts)
     np.exp(weight, out=weight)
-    return weight / np.repeat(totals(weight, starts), np.diff(starts))
+    weight /= np.repeat(totals(weight, starts), np.diff(starts))
+    return weight
 
 
 def association_evidence(

@@ -134,7 +134,8 @@ class JointUpdate:
             situation.plane,
             options.exclusion_per_s * situation.dt_s,
         )
-        raw = np.log(np.maximum(prior_weight * factor, 1e-300))
+        factor *= prior_weight
+        raw = np.log(np.maximum(factor, 1e-300, out=factor), out=factor)
         log_weight = log_normalised(raw, starts)
         cloud = replace(prior.cloud, log_weight=log_weight, log_raw_weight=raw)
 
@@ -227,7 +228,7 @@ class JointUpdate:
         """Make component weights proportional to existence: each expects as many vehicles."""
         existence = mixture.components.existence
         log_weight = np.log(existence / max(existence.sum(), 1e-300))
-        cloud = replace(mixture.cloud, log_component_weight=log_weight[mixture.cloud.component])
+        cloud = replace(mixture.cloud, log_component_weight=np.repeat(log_weight, np.diff(mixture.starts)))
         return replace(mixture, cloud=cloud)
 
     def _learned_from_hits(

@@ -49,7 +49,8 @@ def occlusion_of(
         probability = np.full(len(cloud), detectability.fixed_probability)
     run = run_expected(sources.missed, detectability.run_share, detectability.run_s, situation.dt_s)
     seen = (1.0 - run) * mean_detectability(sources.kinds)
-    return Occlusion(probability * seen[cloud.component], run)
+    probability *= np.repeat(seen, np.diff(prior.starts))
+    return Occlusion(probability, run)
 
 
 def sightings_of(

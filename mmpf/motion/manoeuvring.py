@@ -116,4 +116,5 @@ class Manoeuvring:
             float(-np.expm1(-dt_s * self.true_per_s)),
             float(-np.expm1(-dt_s * self.begin_per_s)),
         )
-        return begun + log_prior_over_tried(self.inner, latents[:HOLDS], after[:HOLDS], surroundings, dt_s)
+        begun += log_prior_over_tried(self.inner, latents[:HOLDS], after[:HOLDS], surroundings, dt_s)
+        return begun

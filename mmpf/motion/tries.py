@@ -66,5 +66,5 @@ def log_ratio_of_begun(
     did = np.log(max(true, SMALLEST)) - np.log(max(tried, SMALLEST))
     none_of = (np.log(np.maximum(1.0 - np.arange(CASES) * chance, SMALLEST)) for chance in (true, tried))
     ratios = np.concatenate([np.zeros(2 * CASES), np.subtract(*none_of), np.full(CASES, did)])
-    # One look-up takes a fifth of the time of choices one within the other.
-    return ratios.take(np.int8(2 * CASES) * may_begin + np.int8(CASES) * begun + ways)
+    # One look-up takes a tenth of the time of choices one within the other, and look-ups are made by whole words.
+    return ratios.take((np.int8(2 * CASES) * may_begin + np.int8(CASES) * begun + ways).astype(np.intp))

@@ -78,7 +78,7 @@ def surroundings_of(
         right_leader=UnmeasuredNeighbour(known, lanes.index[RIGHT], leader, 1.0),
         right_follower=UnmeasuredNeighbour(known, lanes.index[RIGHT], follower, -1.0),
         flow_speed_mps=flow[component],
-        is_hidden=~is_seen[component],
+        is_hidden=np.repeat(~is_seen, np.diff(mixture.starts)),
         road_speed_mps=np.full(len(component), np.inf),
     )
 
