@@ -74,7 +74,7 @@ class MixtureTracker:
 
     @property
     def mixture(self) -> Mixture:
-        """The belief after the last scan."""
+        """The belief after the last scan; the next step writes over its latents."""
         return self._mixture
 
     @property

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmpf.belief.mixture import Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
@@ -38,25 +38,8 @@ def resample(mixture: Mixture, which: BoolArray, particles: int, rng: np.random.
     component = np.repeat(np.arange(len(mixture)), sizes)
     ancestors = np.empty(sizes.sum(), dtype=np.int64)
     _systematic_ancestors(np.exp(mixture.cloud.log_weight), starts, which, offsets, particles, ancestors)
-    new_starts = np.concatenate([[0], np.cumsum(sizes)])
-
-    def descended(values: FloatArray) -> FloatArray:
-        rows = np.empty((len(values), len(ancestors)))
-        in_shares(lambda begin, end: _descend(begin, end, values, ancestors, which, new_starts, rows), len(which), 1e3)
-        return rows
-
-    cloud = mixture.cloud
-    weights = np.stack([cloud.log_weight, cloud.log_raw_weight, cloud.log_component_weight])
-    log_weight, log_raw_weight, log_component_weight = descended(weights)
-    log_weight[which[component]] = -np.log(particles)
-    cloud = ParticleCloud(
-        state=descended(cloud.state),
-        log_weight=log_weight,
-        log_raw_weight=log_raw_weight,
-        component=component,
-        log_component_weight=log_component_weight,
-        latents=descended(cloud.latents),
-    )
+    cloud = mixture.cloud.take(ancestors, component)
+    cloud.log_weight[which[component]] = -np.log(particles)
     return replace(mixture, cloud=cloud), ancestors
 
 
@@ -248,28 +231,3 @@ def _smooth(
             if SMOOTHED[i] == SPEED:
                 for n in range(size):
                     values[n] = max(values[n], 0.0)
-
-
-@kernel()
-def _descend(
-    begin: int,
-    end: int,
-    values: FloatArray,
-    ancestors: IntArray,
-    is_resampled: BoolArray,
-    starts: IntArray,
-    descended: FloatArray,
-) -> None:
-    """Write the values of each particle's ancestor for the components from ``begin`` to ``end``."""
-    for row in range(len(values)):
-        for m in range(begin, end):
-            own = descended[row, starts[m] : starts[m + 1]]
-            if is_resampled[m]:
-                forebears = ancestors[starts[m] : starts[m + 1]]
-                for n in range(len(own)):
-                    own[n] = values[row, forebears[n]]
-            elif len(own):
-                first = ancestors[starts[m]]
-                kept = values[row, first : first + len(own)]
-                for n in range(len(own)):
-                    own[n] = kept[n]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
-from mmpf.motion.tries import log_prior_over_tried
+from mmpf.motion.tries import log_prior_over_tried, rows_tried
 from mmpf.numerics.arrays import FloatArray
 
 DOUBT = -1
@@ -39,6 +39,11 @@ class Doubting:
     def latent_size(self) -> int:
         """The inner model's rows and one."""
         return self.inner.latent_size + 1
+
+    @property
+    def rows_tried(self) -> tuple[int, ...]:
+        """What the inner model says."""
+        return rows_tried(self.inner)
 
     @property
     def spreads_speed(self) -> bool:

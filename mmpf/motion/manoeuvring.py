@@ -25,7 +25,7 @@ from mmpf.motion.protocol import (
     without_limits,
 )
 from mmpf.motion.state import ACCEL, LON, SPEED, STATE_SIZE
-from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
+from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun, rows_tried
 from mmpf.numerics.arrays import FloatArray
 
 MOVED = (LON, SPEED, ACCEL)
@@ -62,6 +62,11 @@ class Manoeuvring:
     def latent_size(self) -> int:
         """The inner model's rows and one."""
         return self.inner.latent_size + 1
+
+    @property
+    def rows_tried(self) -> tuple[int, ...]:
+        """The inner model's, and whether it holds its acceleration."""
+        return (*rows_tried(self.inner), self.latent_size - 1)
 
     @property
     def spreads_speed(self) -> bool:

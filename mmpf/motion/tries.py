@@ -42,6 +42,16 @@ class TriesMore(Protocol):
         """
 
 
+def rows_tried(motion: MotionModel) -> tuple[int, ...]:
+    """Return the rows of the latents before a step that ``log_prior_over_tried`` looks at: all if no model says which.
+
+    A model says so by an attribute ``rows_tried``: the others need not be kept when it rewrites the latents.
+    """
+    if not isinstance(motion, TriesMore):
+        return ()
+    return tuple(getattr(motion, "rows_tried", range(motion.latent_size)))
+
+
 def log_prior_over_tried(
     motion: MotionModel, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
 ) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from mmpf.belief.mixture import Mixture
 from mmpf.motion.protocol import MotionModel, Surroundings, step_in_place
 from mmpf.motion.state import ACCEL, LAT_SPEED, SPEED
-from mmpf.motion.tries import log_prior_over_tried
+from mmpf.motion.tries import log_prior_over_tried, rows_tried
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.normals import standard_normals
@@ -37,7 +37,7 @@ class Proposal(Protocol):
         Args:
             motion: The motion model, whose density is the prior f(x_k | x_{k-1}).
             state: Present states, shape (6, n).
-            latents: Present latents, shape (latent_size, n).
+            latents: Present latents, shape (latent_size, n), which may be rewritten.
             surroundings: What the particles know of road and traffic.
             scan: The scan that is about to be taken in.
             dt_s: Length of the step.
@@ -61,11 +61,13 @@ def bootstrap_proposal(
 
     The ratio in equation (10) is one, but for what the model says that its particles try more often than vehicles do.
     """
-    carried = latents.copy()
-    moved = step_in_place(motion, state, carried, surroundings, dt_s, rng)
+    before = np.empty_like(latents)
+    for row in rows_tried(motion):
+        before[row] = latents[row]
+    moved = step_in_place(motion, state, latents, surroundings, dt_s, rng)
     if not np.isfinite(moved.sum()):
         raise ValueError(f"motion model {motion.name}: propagate returned a state that is not finite")
-    return moved, carried, log_prior_over_tried(motion, latents, carried, surroundings, dt_s)
+    return moved, latents, log_prior_over_tried(motion, before, latents, surroundings, dt_s)
 
 
 def prior_update(
@@ -79,8 +81,6 @@ def prior_update(
     """Move all particles of all components one step; the log ratio of equation (10) starts the raw weights."""
     cloud, motion, dt_s = mixture.cloud, situation.motion, situation.dt_s
     state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, situation.scan, dt_s, rng)
-    # Later stages resample in place, and the belief before may be somebody's yet.
-    latents = latents.copy() if np.may_share_memory(latents, cloud.latents) else latents
     _add_model_error(state, surroundings.is_hidden, dt_s, error, rng)
     np.maximum(state[SPEED], 0.0, out=state[SPEED])
     components = replace(mixture.components, age_s=mixture.components.age_s + dt_s)
