@@ -62,11 +62,11 @@ def follows(leader: Neighbour) -> BoolArray:
 
 def situations(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatArray:
     """Return what the particles ``index`` see, (k, 5); one without a leader sees a far one at its own speed."""
-    led = follows(leader)[index]
-    own_speed = state[SPEED, index]
-    gap = np.where(led, leader.gap_m[index], FURTHEST_LEADER_M)
-    leader_speed = np.where(led, leader.speed_mps[index], own_speed)
-    leader_accel = np.where(led, leader.accel_mps2[index], 0.0)
+    own_speed, own_leader = state[SPEED, index], leader.take(index)
+    led = follows(own_leader)
+    gap = np.where(led, own_leader.gap_m, FURTHEST_LEADER_M)
+    leader_speed = np.where(led, own_leader.speed_mps, own_speed)
+    leader_accel = np.where(led, own_leader.accel_mps2, 0.0)
     return situation(gap, own_speed, state[ACCEL, index], leader_speed, leader_accel)
 
 

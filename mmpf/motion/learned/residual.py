@@ -83,7 +83,7 @@ class ResidualFollower:
     def draw(self, state: FloatArray, leader: Neighbour, index: IntArray, rng: np.random.Generator) -> FloatArray:
         """Take the present headway, the usual one without a leader, and draw the noise; see ``Follower``."""
         headway = log_headway(np.exp(situations(state, leader, index)[:, 0]), state[SPEED, index])
-        headway = np.where(follows(leader)[index], headway, self.network.mean[-1])
+        headway = np.where(follows(leader.take(index)), headway, self.network.mean[-1])
         return np.vstack([headway, standard_normals(rng, (len(TIME_SCALES_S), len(index)))])
 
     def accelerations(
