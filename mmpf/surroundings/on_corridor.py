@@ -79,7 +79,7 @@ def surroundings_of(
         right_follower=UnmeasuredNeighbour(known, lanes.index[RIGHT], follower, -1.0),
         flow_speed_mps=flow[component],
         is_hidden=np.repeat(~is_seen, np.diff(mixture.starts)),
-        road_speed_mps=np.full(len(component), np.inf),
+        road_speed_mps=np.broadcast_to(np.inf, len(component)),
     )
 
 
