@@ -43,13 +43,12 @@ class TriesMore(Protocol):
 
 
 def rows_tried(motion: MotionModel) -> tuple[int, ...]:
-    """Return the rows of the latents before a step that ``log_prior_over_tried`` looks at: all if no model says which.
+    """Return the rows of the latents before a step that ``log_prior_over_tried`` looks at.
 
-    A model says so by an attribute ``rows_tried``: the others need not be kept when it rewrites the latents.
+    A model may name them by an attribute ``rows_tried``: the others are not kept when it rewrites the latents.
     """
-    if not isinstance(motion, TriesMore):
-        return ()
-    return tuple(getattr(motion, "rows_tried", range(motion.latent_size)))
+    rows = getattr(motion, "rows_tried", range(motion.latent_size))
+    return tuple(rows) if isinstance(motion, TriesMore) else ()
 
 
 def log_prior_over_tried(
