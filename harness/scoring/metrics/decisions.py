@@ -43,7 +43,7 @@ QUANTITIES = (
         decimals=2, heading="TTC error s", weight="decisions.collision_time_n",
     ),
     Quantity(
-        "decisions.unsafe_gaps_percent", "gaps accepted that the truth forbids, %",
+        "decisions.unsafe_gaps_percent", "unsafe gaps accepted, %",
         heading="unsafe gaps %", weight="decisions.forbidden_gaps",
     ),
 )  # fmt: skip

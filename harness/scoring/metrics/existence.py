@@ -19,10 +19,10 @@ LEAST_TRACK_STEPS = 200
 """Track-steps from which a tenth of the stated existence is judged."""
 QUANTITIES = (
     Quantity(
-        f"{NAME}.largest_gap", "existence in sight: largest gap of stated and observed, points",
+        f"{NAME}.largest_gap", "existence probability in sight: largest error, percentage points",
         heading="existence gap",
     ),
-    Quantity(f"{NAME}.brier", "existence in sight: Brier score", decimals=3, weight=f"{NAME}.n"),
+    Quantity(f"{NAME}.brier", "existence probability in sight: Brier score", decimals=3, weight=f"{NAME}.n"),
 )  # fmt: skip
 
 

@@ -17,9 +17,9 @@ from mmpf.numerics.arrays import FloatArray
 IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m"),)
 REMEMBERED = (
     Quantity("gospa_remembered.mean", "GOSPA remembered, m"),
-    Quantity("gospa_remembered.localisation", "of it localisation, m"),
-    Quantity("gospa_remembered.missed", "of it missed, m"),
-    Quantity("gospa_remembered.false", "of it false, m"),
+    Quantity("gospa_remembered.localisation", "GOSPA remembered: localisation, m"),
+    Quantity("gospa_remembered.missed", "GOSPA remembered: missed, m"),
+    Quantity("gospa_remembered.false", "GOSPA remembered: false, m"),
 )
 CUTOFF_M, ORDER = 4.0, 1.0
 """Distance c from which vehicle and track count as missed and false, and order p, of vehicles in sight."""

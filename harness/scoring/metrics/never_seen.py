@@ -18,10 +18,10 @@ LEAST_PROBABILITY = 1e-4
 
 QUANTITIES = (
     Quantity(
-        f"{NAME}.log_skill_percent", "unseen vehicles: log score over that of their mean density, %", True,
+        f"{NAME}.log_skill_percent", "undetected vehicles: log score gained over a constant density, %", True,
         weight=f"{NAME}.stretches", least=-np.inf,
     ),
-    Quantity(f"{NAME}.expected_over_counted", "unseen vehicles expected over counted", True, 2),
+    Quantity(f"{NAME}.expected_over_counted", "undetected vehicles: expected over true number", True, 2),
 )  # fmt: skip
 
 
