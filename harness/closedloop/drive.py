@@ -139,7 +139,7 @@ def _write_outcome(grid: GridPlan, request: DriveRequest, out: Path, rows: Mappi
         _link(run.key, row) if run.key in shown else ""
         for run, (_, row) in zip(grid.runs, table.iterrows(), strict=True)
     ]
-    title = f"Driving by what trackers believe, on {request.net}"
+    title = f"The ego drives by what it perceives, on {request.net}"
     text = as_markdown(
         title, found, table.assign(**{REPLAY: links}), [f"{each['key']}: {each['error']}" for each in failures]
     )

@@ -84,18 +84,18 @@ def as_markdown(title: str, found: Sequence[Score], table: pd.DataFrame, failure
 
 
 QUESTION = (
-    "The ego's driver is told nothing but what a belief holds, a tracker's tracks for example, and the ego really "
-    "drives by it; every belief gets the same episodes. Whoever is told the `truth` shows what the traffic itself asks "
-    "for. *Less truth* is the mean difference from that in the same episodes."
+    "The ego's driver perceives the true vehicles (`truth`), the detections alone, or the tracks of one tracker, and "
+    "drives by that. Every perception gets the same episodes. *Minus truth* is the mean difference from driving by the "
+    "truth in the same episodes."
 )
 EXPLANATION = (
-    "Means over episodes with 95 % intervals over seeds, two episodes each; where none stands, there are too few seeds "
-    "for one. Everything is measured by the "
-    "truth until the episode ends: after 20 s, with a collision, or where the road does. A *missed* braking is one "
-    "that the truth would have demanded for half a second or longer (-2 m/s² or less) while the belief demanded more "
-    "than -1 m/s²; a *phantom* is the other way round. For a vehicle right ahead that is in plain view and that the "
-    "tracker withholds a braking is missed also where the belief brakes less by 1 m/s² or more, or does not brake with "
-    "a time to collision below 4 s, for half of a second out of one. Impact speed is the mean over collisions."
+    "Means over episodes with 95 % intervals over seeds, two episodes a seed. No interval is shown where there are too "
+    "few seeds for one. Everything is measured by the truth until the episode ends: after 20 s, with a collision, or "
+    "at the end of the road. In a *missed* braking the truth demands -2 m/s² or less for half a second or longer, and "
+    "the perception demands more than -1 m/s². In a *phantom* braking it is the reverse. If a vehicle right ahead in "
+    "plain view has no track, a braking is also missed if the perception brakes at least 1 m/s² less, or does not "
+    "brake with a time to collision below 4 s, for half of a second out of one. Impact speed is the mean over "
+    "collisions."
 )
 OF_CROSSINGS = (
     "In episodes *cross* the ego comes up to a place where it must let a hidden car pass. *Yielded* says whether it "
@@ -221,7 +221,7 @@ def _table(part: Sequence[Score]) -> list[str]:
         means = [_cell(own[belief].mean, own[belief].ci95, quantity.decimals, "") for belief in beliefs]
         excesses = [_cell(own[belief].excess, own[belief].excess_ci95, quantity.decimals, "+") for belief in others]
         rows.append([quantity.label, *means, *excesses])
-    headings = [*beliefs, *(f"{belief} less truth" for belief in others)]
+    headings = [*beliefs, *(f"{belief} minus truth" for belief in others)]
     return markdown_table(["measured by the truth", *headings], rows)
 
 
@@ -238,7 +238,7 @@ def _collisions(table: pd.DataFrame) -> list[str]:
     if not len(collided):
         return []
     collided = collided.sort_values([IMPACT, "seed", "variant"], ascending=[False, True, True], kind="stable")
-    headings = ("impact m/s", "belief", "seed", "episode", "after s", "with", "replay")
+    headings = ("impact m/s", "driven by", "seed", "episode", "after s", "with", "replay")
     rows = [
         [
             f"{row[IMPACT]:.1f}", row["variant"], str(row["seed"]), row[KIND],

@@ -115,7 +115,7 @@ def curves(
     in_words = any(isinstance(place, str) for place in places)
     x_axis: Spec = {"field": "place", "title": x, "type": "nominal" if in_words else "quantitative", "sort": None}
     if in_words:
-        x_axis["axis"] = {"labelAngle": 0, "grid": False}
+        x_axis |= {"axis": {"labelAngle": 0, "grid": False}, "scale": {"domain": places}}
     else:
         few = {"values": sorted(places)} if len(places) <= MOST_TICKS else {}
         x_axis |= {"scale": {"zero": False, "nice": False, "padding": 12}, "axis": {"grid": False, **few}}
