@@ -23,19 +23,19 @@ SEVERITY = {"lost": 0, "hijacked": 0, "survived": 1, "same_id": 2}
 ENDS = {
     "lost": "its track {track} was deleted",
     "hijacked": "its track {track} was on another vehicle afterwards",
-    "survived": "its track {track} lived on, but not on this vehicle",
+    "survived": "its track {track} continued, but not on this vehicle",
     "same_id": "track {track} followed it again afterwards",
 }
 WHY = {
     "missed": {
-        "none": "no track ever held it",
-        "lost": "its track was given up",
-        "displaced": "{track} follows it, but stands or moves otherwise than it does",
-        "hijacked": "its {track} sits on another vehicle",
+        "none": "it never had a track",
+        "lost": "its track was deleted",
+        "displaced": "{track} follows it, but has another position or speed",
+        "hijacked": "its {track} is on another vehicle",
     },
     "phantom": {
         "ghost": "{track} follows no vehicle",
-        "displaced": "{track} follows {vehicle}, but is not where that is",
+        "displaced": "{track} follows {vehicle}, but has another position",
         "hijacked": "{track} went over from another vehicle to {vehicle}",
     },
 }

@@ -18,16 +18,35 @@ from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, turned
 
 HEADINGS = ("", "this run", "perfect", "to compare with")
+HIDDEN_ERROR, SAME_TRACK, PLAIN_VIEW, HOTA = (
+    "Position error of hidden vehicles",
+    "Same track after an occlusion",
+    "Vehicles in plain view with a track",
+    "HOTA of vehicles in sight",
+)
+FIRST = (HIDDEN_ERROR, SAME_TRACK, PLAIN_VIEW, HOTA)
+"""What stands at the top of the page."""
 STATE = ["lon_m", "lat_m", "speed_mps", "lat_speed_mps", "heading_rad"]
 
 Row = tuple[str, str, str, str, str, str]
 """What, how it is to be read, the value, its interval, what is perfect, and what to compare it with."""
 
 
-def key_figures(run: RecordedRun) -> Markup:
+def key_rows(run: RecordedRun) -> list[Row]:
+    """Return the figures of a run."""
+    return _rows(run.metrics, coasting_errors_m(run), run.step_s)
+
+
+def first_figures(found: Sequence[Row]) -> list[tuple[str, str, str]]:
+    """Return name, value and what to compare it with of the figures that stand at the top of the page."""
+    known = (row for row in found if row[0] in FIRST and row[2] != "-")
+    return [(name, value, other or f"perfect: {best}") for name, _, value, _, best, other in known]
+
+
+def key_figures(found: Sequence[Row]) -> Markup:
     """Return the table."""
     rows: list[list[str | Markup]] = []
-    for name, note, value, interval, perfect, other in _rows(run.metrics, coasting_errors_m(run), run.step_s):
+    for name, note, value, interval, perfect, other in found:
         cells = [(name, note), (value, interval)]
         two_lines = [Markup("{}<br><span class='interval-cell'>{}</span>").format(*cell) for cell in cells]
         rows.append([*two_lines, perfect, other])
@@ -69,21 +88,21 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
     sensor = f"{np.hypot(noise['lon_m'], noise['lat_m']):.2f} m: detections" if noise.get("n") else ""
     return [
         (
-            "Position error of hidden vehicles", "all that were seen before; 10 m where no track follows",
+            HIDDEN_ERROR, "all that were seen before; 10 m where no track follows",
             number(hidden.get("hidden_cost_m"), 2, " m"), _between(hidden.get("hidden_cost_m_ci95"), " m"), "0 m",
             coasting,
         ),
         (
-            "Same track after an occlusion", "hidden for half a second or longer, then seen again",
+            SAME_TRACK, "hidden for half a second or longer, then seen again",
             f"{kept} of {events}" if events else "no case",
             _share(kept, events) if events >= FEWEST_EVENTS else f"too few samples, n = {events}", "all", "",
         ),
         (
-            "False tracks out of sight", "tracks that follow no vehicle, per scan",
+            "False tracks out of sight", "mean number of tracks that follow no vehicle",
             number(hidden.get("false_hidden_tracks_per_scan"), 2), "", "0", "",
         ),
         (
-            "Vehicles in plain view with a track", "within 60 m, share of the time",
+            PLAIN_VIEW, "within 60 m, share of the time",
             number(plain.get("recall"), 1, " %"), "", "100 %", "",
         ),
         (
@@ -91,7 +110,7 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
             number(mae["visible"].get("position_m"), 2, " m"), _between(mae["visible"].get("position_m_ci95"), " m"),
             "0 m", sensor,
         ),
-        ("HOTA of vehicles in sight", "finds, and keeps identities", number(mot["hota"], 1, " %"), "", "100 %", ""),
+        (HOTA, "finds, and keeps identities", number(mot["hota"], 1, " %"), "", "100 %", ""),
         (
             "Identity switches in sight", "a vehicle's track is replaced by another", number(mot["id_switches"], 0),
             f"{number(mot.get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute", "0", "",

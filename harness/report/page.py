@@ -19,7 +19,7 @@ from harness.common.files import write_text
 from harness.report.failures import withheld_words, worst_brakings, worst_failures
 from harness.report.figures import OVER_TIME
 from harness.report.html_tables import error_table, hidden_table, mot_table
-from harness.report.key_figures import key_figures
+from harness.report.key_figures import first_figures, key_figures, key_rows
 from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
@@ -78,7 +78,7 @@ def run_page(run: RecordedRun) -> str:
     by_visibility = visibility_charts(run.metrics["mae"])
     # Of a long run the picture shows it all, where the chart would only know the beginning.
     over_time = error_charts(run.errors) if run.whole else Charts(())
-    drawn = run.folder / runfolder.FIGURES / OVER_TIME
+    drawn, figures = run.folder / runfolder.FIGURES / OVER_TIME, key_rows(run)
     told = diagnostics_of(run)
     inside = diagnostics_charts(told) if told is not None else Charts(())
     return render(
@@ -89,7 +89,8 @@ def run_page(run: RecordedRun) -> str:
         version=version("mmpf-harness"),
         sentences=summary_sentences(run.metrics),
         setting=setting_sentence(run.metrics),
-        figures_table=key_figures(run),
+        first_figures=first_figures(figures),
+        figures_table=key_figures(figures),
         failures=worst_failures(run),
         decisions=decision_summary(run.metrics),
         brakings=worst_brakings(run),

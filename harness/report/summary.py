@@ -119,9 +119,11 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
 
 def _lines(metrics: Mapping[str, Any]) -> Text:
     occlusion, traffic, timing = metrics["occlusion"], metrics["traffic"], metrics["timing"]
+    elsewhere = (occlusion["survived"] or 0) - (occlusion["same_id"] or 0)
     events = (
         f"Occlusions: {number(occlusion['events'], 0)}; same track afterwards {number(occlusion['same_id'], 0)}, lost "
-        f"{number(occlusion['lost'], 0)}, track on another vehicle {number(occlusion['hijacked'], 0)}"
+        f"or none {number(occlusion['lost'], 0)}, track on another vehicle {number(occlusion['hijacked'], 0)}, "
+        f"elsewhere {elsewhere:.0f}"
     )
     road = (
         f"Traffic: {number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, "

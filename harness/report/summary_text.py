@@ -17,7 +17,7 @@ HONEST_COVERAGE = (
 FEWEST_EVENTS, FEWEST_SAMPLES = 5, 100
 """Of fewer occlusions, or fewer vehicle-steps, nothing is said."""
 WHY_MISSED = {
-    "none": "for a vehicle that no track ever held",
+    "none": "for a vehicle that never had a track",
     "lost": "for a vehicle whose track was lost",
     "displaced": "for a vehicle whose track was in another place or moved otherwise",
     "hijacked": "for a vehicle whose track was on another one",
@@ -29,17 +29,17 @@ def setting_sentence(metrics: Metrics) -> str:
     run, traffic = metrics["run"], metrics["traffic"]
     tracker = f"The tracker {run['tracker']}" + (f" with the motion model {run['model']}" if run.get("model") else "")
     text = (
-        f"{tracker} follows the traffic of {traffic_source(metrics)} for {run['duration_s']:g} s, as the "
-        f"{run['sensor']} of one car in it, the ego, sees it"
+        f"{tracker} follows the traffic of {traffic_source(metrics)} for {run['duration_s']:g} s, with the "
+        f"{run['sensor']} of one car, the ego."
     )
     density, in_range = traffic["density_veh_per_km_lane"], traffic["vehicles_in_range"]
     if density is None or in_range is None:
-        return text + "."
+        return text
     share = metrics.get("coverage", {}).get("hidden_percent")
-    hidden = f", of which {share:.0f} % are hidden at a time" if share is not None else ""
+    hidden = f", and {share:.0f} % of them are hidden" if share is not None else ""
     return (
-        f"{text}: {density:.0f} vehicles per km and lane at {number(traffic['mean_speed_mps'], 0)} m/s; {in_range:.0f} "
-        f"are within the sensor's range{hidden}."
+        f"{text} There are {density:.0f} vehicles per km and lane at {number(traffic['mean_speed_mps'], 0)} m/s; "
+        f"{in_range:.0f} are within the sensor's range at a time{hidden}."
     )
 
 
@@ -91,7 +91,7 @@ def _occlusions(metrics: Metrics) -> str:
         "had lost it": occlusion["lost"] - untracked,
         "had no track before": untracked,
         "had their track on another vehicle": occlusion["hijacked"],
-        "had their track alive in another place": occlusion["survived"] - occlusion["same_id"],
+        "had their track in another place": occlusion["survived"] - occlusion["same_id"],
     }
     text = (
         f"Vehicles were hidden for half a second or longer and seen again {_times(events)}: "
@@ -165,10 +165,10 @@ def decision_summary(metrics: Metrics) -> str:
     starts = f"In {_none(decisions['onsets'], 'case')} in which it had to brake it would have begun"
     lateness = "" if late is None else f" {starts} {late:.1f} s late on average."
     return (
-        f"At each step a driver ({driver}) in the ego's place says how hard it would brake, once by the truth and once "
-        f"by the tracks; the ego itself drives as it did. On {decisions['km']:.2f} km the tracks cause {missed} to be "
-        f"missed and {phantom}. Such a braking lasts half a second or longer, with one demanding -2 m/s² or less and "
-        "the other more than -1 m/s². The demands differ by "
+        f"At each step a driver model ({driver}) in the ego's place says how hard it would brake, once by the truth "
+        "and once by the tracks. This does not change how the ego drives. On "
+        f"{decisions['km']:.2f} km the tracks cause {missed} to be missed and {phantom}. Such a braking lasts half a "
+        "second or longer: one of the two demands -2 m/s² or less, the other more than -1 m/s². The demands differ by "
         f"{decisions['accel_difference_mps2']:.2f} m/s² on average.{lateness}"
     )
 

@@ -172,8 +172,8 @@ function fateOf(t, row) {
   return {
     tracked: `followed by track ${t.track[row]}${off}`,
     missed: "no track on it",
-    lost: "its track was given up",
-    hijacked: `its track ${t.track[row]} now sits on another vehicle${off}`,
+    lost: "its track was deleted",
+    hijacked: `its track ${t.track[row]} is now on another vehicle${off}`,
     untracked: "had no track when it was last seen",
-  }[outcome] || "not detected in the last 10 s";
+  }[outcome] || "not detected so far, or not in the last 10 s";
 }

@@ -191,11 +191,11 @@ def test_the_worst_brakings_differ_most_for_longest(driven):
     ("change", "words"),
     [
         ({}, "Missed braking for far, unseen for 1.5 s: -4.0 m/s² by the truth and 0.5 m/s² by the tracks, for 1.0 s;"
-             " its track was given up."),
+             " its track was deleted."),
         ({"fate": "none", "unseen_s": np.nan}, "never detected"),
         ({"fate": "displaced", "track_id": 4, "unseen_s": 0.0, "visibility": "partial"}, "far, partly hidden: "),
-        ({"fate": "displaced", "track_id": 4}, "track 4 follows it, but stands or moves otherwise than it does."),
-        ({"fate": "hijacked", "track_id": 4}, "its track 4 sits on another vehicle."),
+        ({"fate": "displaced", "track_id": 4}, "track 4 follows it, but has another position or speed."),
+        ({"fate": "hijacked", "track_id": 4}, "its track 4 is on another vehicle."),
         ({"kind": "phantom", "fate": "ghost", "track_id": 4, "vehicle_id": ""}, "track 4 follows no vehicle."),
         ({"kind": "phantom", "fate": "hijacked", "track_id": 4}, "track 4 went over from another vehicle to far"),
     ],

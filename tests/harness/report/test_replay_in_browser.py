@@ -104,7 +104,7 @@ def test_clicking_a_vehicle_tells_its_name_its_fate_and_its_course(page):
     assert words.text == "far: 20.0 m/s, hidden, followed by track 2, 3.0 m off."
     assert page.find_element(By.ID, "chart").is_displayed()
     seek(page, GIVEN_UP)
-    assert words.text == "far: 20.0 m/s, hidden, its track was given up."
+    assert words.text == "far: 20.0 m/s, hidden, its track was deleted."
 
 
 def test_everything_works_from_the_keyboard(page):

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.report.key_figures import coasting_errors_m, key_figures
+from harness.report.key_figures import coasting_errors_m, first_figures, key_figures, key_rows
 from harness.report.summary_text import setting_sentence, summary_sentences
 from harness.running.finished import read_recorded_run
 from harness.scoring.metrics.registry import completed
@@ -71,7 +71,9 @@ def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected_a
 
 def test_key_figures_bear_the_metrics_numbers_and_intervals(run):
     run.metrics["hidden"] |= {"hidden_cost_m": 3.219, "hidden_cost_m_ci95": [2.402, 4.056]}
-    table = str(key_figures(run))
+    rows = key_rows(run)
+    table = str(key_figures(rows))
+    assert first_figures(rows)[0][:2] == ("Position error of hidden vehicles", "3.22 m")
     assert "3.22 m<br><span class='interval-cell'>2.40 to 4.06 m" in table
     assert "too few samples, n = 1" in table
     assert "m by constant velocity" in table
@@ -82,6 +84,6 @@ def test_what_was_not_scored_is_left_out(run):
     empty["occlusion"]["events"] = 0
     run.metrics.clear()
     run.metrics.update(empty)
-    text = " ".join([*summary_sentences(empty), setting_sentence(empty), str(key_figures(run))])
+    text = " ".join([*summary_sentences(empty), setting_sentence(empty), str(key_figures(key_rows(run)))])
     assert "None" not in text
     assert "nan" not in text
