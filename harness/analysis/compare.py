@@ -113,8 +113,8 @@ class Judgement:
         told = f"Too few {self.units} for a verdict ({names})" if few else f"The intervals of {names} leave it open"
         known = [verdict.more_units for verdict in unsure if verdict.more_units is not None]
         if self.units == "vehicles":
-            more = f"; about {max(known)} more that drive apart are needed" if len(known) == len(unsure) else ""
-            return f"{told}{more}; compare grids of several seeds."
+            more = f"; about {max(known)} more, 100 m apart, are needed" if len(known) == len(unsure) else ""
+            return f"{told}{more}. Compare stress tests of several seeds."
         if len(known) < len(unsure):
             return f"{told}; add {self.units}." if few else f"{told}, and more {self.units} would hardly change that."
         return (
@@ -295,4 +295,4 @@ def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
 
 
 def _some(names: list[str]) -> str:
-    return f"{', '.join(names[:3])}{f' and {len(names) - 3} more' if len(names) > 3 else ''}"
+    return f"{'; '.join(names[:3])}{f' and {len(names) - 3} more' if len(names) > 3 else ''}"

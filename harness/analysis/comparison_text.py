@@ -18,7 +18,7 @@ from harness.common.markdown import markdown_table
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")
-MOST_MOMENTS = 50
+MOST_MOMENTS = 20
 
 
 def conclusion(comparison: Judgement) -> str:
@@ -47,9 +47,10 @@ def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
         verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
         lines += [f"### {label}", "", *markdown_table(HEADINGS, map(_marked_cells, verdicts)), ""]
+    lines += [*comparison.notes, "", EXPLANATION, ""]
     if comparison.why is not None:
         lines += _why(comparison.why, with_replay)
-    return "\n".join([*lines, *comparison.notes, "", EXPLANATION, ""])
+    return "\n".join(lines)
 
 
 def verdicts_in_grid(folder: Path) -> str:
@@ -93,9 +94,15 @@ def _open(comparison: Judgement) -> list[str]:
 
 EXPLANATION = (
     "Differences are b minus a with Student's 95 % intervals over seeds, or over vehicles where there is one seed. "
-    "*Worse*: p, corrected for the number of verdicts by Holm's method, is at most 0.05, and the difference exceeds "
-    "the tolerance. *No worse*: the whole interval lies within the tolerance; *better*: moreover p is at most 0.05. "
-    "*Undecided*: neither. Metrics that were not named beforehand are described, not tested."
+    "*Worse*: the one-sided p, corrected for the number of verdicts by Holm's method, is at most 0.05, and the "
+    "difference exceeds the tolerance. The interval is two-sided, so it may still contain 0. *Better*: the same p for "
+    "an improvement is at most 0.05. *No worse*: no value in the interval is worse by more than the tolerance. "
+    "*Undecided*: none of these. Metrics that were not named beforehand are described, not tested."
+)
+CAUSES_NOTE = (
+    "The cause of a failure is what happened to the vehicle's previous track. *Death*: it ended alone. *Merge*: it "
+    "ended beside another track. *Association*: it continues on another vehicle, or an older track replaced it in "
+    "view. *Birth*: a newer track replaced it in view. *Re-identification*: the vehicle returned with another identity."
 )
 
 
@@ -143,7 +150,7 @@ def _why(why: Why, with_replay: bool) -> list[str]:
         return moment_of(failure) if with_replay else link_to(folder, failure)
 
     heading, *rows = _causes(why)
-    lines = ["### Why", "", *markdown_table(heading, rows), ""]
+    lines = ["### Why", "", CAUSES_NOTE, "", *markdown_table(heading, rows), ""]
     for side, found, folder in (("a", why.a, why.folder_a), ("b", why.b, why.folder_b)):
         moments = [
             [f"[{each.time_s:.1f} s]({address(folder, each)})", each.kind, each.cause, each.vehicle_id]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from harness.analysis.compare import Judgement
-from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict, quantity_of
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict, name_of, quantity_of
 from harness.common.charts import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, tooltip_of
 
 COLOURS = (
@@ -27,8 +27,9 @@ ROW_PX, FRAME_PX = 36, 60
 NOTE = (
     "Difference of b from a as a share of a's value, turned so that better is to the right, with 95 % intervals. The "
     "grey band is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. "
-    "The scale is compressed beyond {:g} %."
+    "The scale is compressed beyond {:g} %. A dot without a line has no interval."
 )
+NOT_DRAWN = " Of {}, a is 0, so only the table has the difference."
 HINT = "Point at a value to read it in its own unit."
 
 
@@ -44,7 +45,9 @@ def comparison_charts(comparison: Judgement) -> Charts | None:
             charts.append(Chart(label, description, spec))
     shown = {row["verdict"] for chart in charts for row in chart.spec["data"]["values"]}
     lines = tuple((IN_WORDS.get(word, word), colour) for word, colour in COLOURS if IN_WORDS.get(word, word) in shown)
-    return Charts(tuple(charts), lines, NOTE.format(LINEAR_PERCENT), HINT, wide=True) if charts else None
+    of_zero = dict.fromkeys(name_of(each.metric) for each in comparison.verdicts if each.a == 0.0 and each.difference)
+    note = NOTE.format(LINEAR_PERCENT) + (NOT_DRAWN.format(", ".join(of_zero)) if of_zero else "")
+    return Charts(tuple(charts), lines, note, HINT, wide=True) if charts else None
 
 
 def _row(verdict: Verdict, rules: Rules) -> dict[str, Any] | None:

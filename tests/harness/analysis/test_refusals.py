@@ -83,7 +83,7 @@ def undecided(metric: str = "mot.hota", **other):
             comparison(undecided(more_units=7), undecided("mot.idf1"), units="recordings"),
             ["more recordings would hardly"],
         ),
-        (comparison(undecided(more_units=7), units="vehicles"), ["grids of several seeds"]),
+        (comparison(undecided(more_units=7), units="vehicles"), ["stress tests of several seeds"]),
         (
             comparison(undecided(wanting="too few"), undecided("mae.hidden.lon_m", wanting="too few", label="jpda")),
             ["mmpf cvm: too few (HOTA in sight).", "jpda: too few"],
