@@ -21,10 +21,15 @@ HIDDEN, TWO_TO_THREE_S = "hidden", "by_seconds_hidden.2"
 OWN, COASTING, STEPS = (f"{PREFIX}{HIDDEN}.{name}" for name in ("lon_m", "coasting_lon_m", "n"))
 RATIO, TOTAL = "ratio", "coasting_total_m"
 QUANTITIES = (
-    Quantity(OWN, "MAE hidden where coasting follows too, m", decimals=2, weight=STEPS),
-    Quantity(COASTING, "coasting's there, m", decimals=2, weight=STEPS),
+    Quantity(OWN, "MAE hidden where constant velocity follows too, m", decimals=2, weight=STEPS),
+    Quantity(COASTING, "MAE of constant velocity there, m", decimals=2, weight=STEPS),
     *(
-        Quantity(f"{PREFIX}{part}.{RATIO}", f"{name} of coasting's", decimals=2, weight=f"{PREFIX}{part}.{TOTAL}")
+        Quantity(
+            f"{PREFIX}{part}.{RATIO}",
+            f"{name} to that of constant velocity",
+            decimals=2,
+            weight=f"{PREFIX}{part}.{TOTAL}",
+        )
         for part, name in ((HIDDEN, "ratio"), (TWO_TO_THREE_S, "ratio, hidden 2-3 s,"))
     ),
 )

@@ -34,10 +34,6 @@ def heading_of(axis: str) -> str:
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
     lines = [f"# {title}", "", f"Means over seeds with 95 % intervals over seeds. {HOTA_NOTE}", ""]
-    for axis in dict.fromkeys(point.axis for point in points):
-        lines += [f"## {heading_of(axis)}", ""]
-        for heading, columns in _themes({point.metric for point in points}):
-            lines += [heading, "", *_table(points, axis, columns, BY_KIND.get(heading)), ""]
     if broken:
         lines += [
             "## Where each tracker breaks",
@@ -47,6 +43,10 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
             DEFINITION,
             "",
         ]
+    for axis in dict.fromkeys(point.axis for point in points):
+        lines += [f"## {heading_of(axis)}", ""]
+        for heading, columns in _themes({point.metric for point in points}):
+            lines += [heading, "", *_table(points, axis, columns, BY_KIND.get(heading)), ""]
     if failures:
         lines += ["## Runs that failed", "", *(f"- {failure}" for failure in failures), ""]
     return "\n".join(lines)
@@ -102,8 +102,8 @@ def print_result(
 
 
 HOTA_NOTE = (
-    "HOTA is by position (similarity falls to 0 at 4 m along the road and 2 m across), not by overlap of boxes: other "
-    "programs' numbers are others (docs/explanation/scores.md)."
+    "HOTA is by position (similarity falls to 0 at 4 m along the road and 2 m across), not by overlap of boxes, so "
+    "it differs from that of other programs (docs/explanation/scores.md)."
 )
 DEFINITION = (
     f"A tracker breaks where, with growing density, fewer than {BREAK_PERCENT:g} % of the occluded vehicles have their "
@@ -116,7 +116,7 @@ def break_sentence(entry: Break) -> str:
     if entry.held_to is None:
         return f"{entry.label}: fewer than {FEWEST_EVENTS} occlusions at each density, too few to find its limit"
     if entry.density is None:
-        return f"{entry.label}: holds up to {entry.held_to:g} veh/km/lane, the highest tested with enough occlusions"
+        return f"{entry.label}: does not break up to {entry.held_to:g} veh/km/lane, the highest with enough occlusions"
     where = f"{entry.label}: breaks at {'or below ' if entry.at_lowest else ''}{entry.density:.0f} veh/km/lane"
     if entry.ci95 is None:
         return where
@@ -132,7 +132,7 @@ FOLLOWED_NOTE = (
     "Errors while followed, each with the share of vehicle-steps that it is over; then on the vehicle-steps that both "
     f"the tracker and constant-velocity prediction ({COASTING_TRACKER}, with the true association) follow:"
 )
-REST_NOTE = "Identities, sets and time:"
+REST_NOTE = "Identities, HOTA, GOSPA and computing time:"
 TRUST_NOTE = "Stated and observed uncertainty:"
 DECISION_NOTE = "Decisions of a driver who relies on the tracks:"
 MANOEUVRE_NOTE = "By what vehicles do (docs/explanation/scores.md):"

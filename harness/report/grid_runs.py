@@ -116,7 +116,7 @@ def _about(grid: GridPlan) -> str:
     durations = "; ".join(dict.fromkeys(f"{config.traffic.duration_s:g} s" for config in configs))
     sensors = ", ".join(dict.fromkeys(config.sensor.profile for config in configs))
     shown = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
-    return f"{trackers}, each on {settings}; {shown}, {durations} each, sensor {sensors}."
+    return f"Trackers: {trackers}. Each runs on {settings}, with {shown}, for {durations}, with the sensor {sensors}."
 
 
 def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
@@ -165,7 +165,7 @@ def _tracker(run: PlannedRun) -> str:
 
 def _setting(run: PlannedRun, several_nets: bool) -> str:
     traffic = run.config.traffic
-    where = f"{traffic.density:g}/km/lane" if traffic.density is not None else traffic.demand
+    where = f"{traffic.density:g} veh/km/lane" if traffic.density is not None else traffic.demand
     recording = Path(run.config.replay).name if run.config.replay is not None else None
     shared = [f"{key}={value:g}" for key, value in run.varied.items() if not key.startswith("tracker.")]
     net = traffic.net if several_nets else None

@@ -69,7 +69,7 @@ def test_a_tracker_above_one_half_throughout_holds():
     table = pd.DataFrame([rows(density, seed, 70) for density in (10, 20) for seed in range(3)])
     (holds,) = breaks(table)
     assert (holds.density, holds.held_to, holds.ci95) == (None, 20, None)
-    assert "holds up to 20" in break_sentence(holds)
+    assert "does not break up to 20" in break_sentence(holds)
 
 
 def test_a_tracker_below_one_half_at_the_lowest_density_may_break_below_it():

@@ -57,7 +57,7 @@ def test_a_point_tells_its_value_and_leads_to_its_runs(page):
     assert page.find_elements(By.CSS_SELECTOR, "details[open]") == []
     ActionChains(page).move_to_element(dot).click().perform()
     (cell,) = WebDriverWait(page, 10).until(lambda page: page.find_elements(By.CSS_SELECTOR, "details[open]"))
-    assert cell.find_element(By.TAG_NAME, "summary").text == "stonesoup-jpda, 45/km/lane"
+    assert cell.find_element(By.TAG_NAME, "summary").text == "stonesoup-jpda, 45 veh/km/lane"
     assert "--seed 0" in cell.text
     assert "--seed 1" in cell.text
 
