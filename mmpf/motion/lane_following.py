@@ -15,7 +15,7 @@ from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from mmpf.motion.tries import log_prior_over_tried
+from mmpf.motion.tries import log_prior_over_tried, rows_tried
 from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.numerics.kernels import kernel
@@ -95,6 +95,11 @@ class LaneFollowing:
     def latent_size(self) -> int:
         """The inner model's rows and four of guidance."""
         return self.inner.latent_size + GUIDANCE_SIZE
+
+    @property
+    def rows_tried(self) -> tuple[int, ...]:
+        """What the inner model says."""
+        return rows_tried(self.inner)
 
     @property
     def spreads_speed(self) -> bool:

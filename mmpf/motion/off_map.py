@@ -17,7 +17,7 @@ from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, TURNING_STD, Lane
 from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed, without_limits
 from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from mmpf.motion.tries import log_prior_over_tried
+from mmpf.motion.tries import log_prior_over_tried, rows_tried
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
 from mmpf.scan import BodyHeadings
 
@@ -47,6 +47,11 @@ class OffMapMotion:
     def latent_size(self) -> int:
         """The inner model's rows and four of guidance."""
         return self.inner.latent_size + GUIDANCE_SIZE
+
+    @property
+    def rows_tried(self) -> tuple[int, ...]:
+        """What the inner model says."""
+        return rows_tried(self.inner)
 
     @property
     def spreads_speed(self) -> bool:

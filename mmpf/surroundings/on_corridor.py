@@ -59,12 +59,12 @@ def surroundings_of(
         for least in LEAST_PROBABILITIES
     ]
     leader, follower = (np.concatenate(tables) for tables in zip(*cases, strict=True))
-    case = (mixture.cloud.latents[DOUBT] * len(cases)).astype(np.int64)
+    row = (mixture.cloud.latents[DOUBT] * len(cases)).astype(np.int64)
+    row *= len(length)
+    row += component
 
     lanes = lanes_around(state[LON], state[LAT], road)
-    known = KnownTraffic(
-        state, case * len(length) + component, others[[LON, SPEED, ACCEL]], np.tile(length, len(cases))
-    )
+    known = KnownTraffic(state, row, others[[LON, SPEED, ACCEL]], np.tile(length, len(cases)))
     flow = flow_speeds(moments.mean, lane_of_other[:-1], vehicles.confirmed & is_seen, options)
     return Surroundings(
         length_m=vehicles.length_m[component],
