@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,11 @@ import pandas as pd
 from harness.common.errors import InputError
 
 NONE = np.zeros(0, dtype=np.bool_)
+# Nothing on wheels gets farther from one row to its next; more than so small a share of rows that do is no slip.
+LEAP_MPS, LEAP_M, MOST_ODD = 80.0, 1.0, 0.004
+# Nor more aside than ahead when it is this fast, nor about so far in so short a time; no recording car backs so fast.
+ASIDE_MPS, BACK_MPS, ROUGH_M, TURN_RAD, TURN_S = 10.0, 8.0, 0.5, math.radians(30.0), 0.2
+TWICE = "is there twice"
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,23 @@ class Numbers:
                 raise ValueError(f"{name}{row and f' of {row}'} {told.format(value=rows[place], before=before[place])}")
 
 
+PLACE_M, TURNED_RAD = Numbers(-1e7, 1e7), Numbers(-2.5 * math.pi, 2.5 * math.pi)
+"""Where something is in the plane, and where it points: a turn either way from wherever it is counted."""
+SPEED_MPS, ACCEL_MPS2 = Numbers(-120.0, 120.0, gaps=True), Numbers(-1e3, 1e3, gaps=True)
+UNIT = Numbers(0.99, 1.01)
+"""The square of a rotation's length."""
+OF_THINGS = dict.fromkeys(("lon_m", "lat_m", "x_m", "y_m"), PLACE_M) | {
+    "time_s": Numbers(),
+    "heading_rad": replace(TURNED_RAD, gaps=True),
+    "speed_mps": SPEED_MPS,
+    "lat_speed_mps": SPEED_MPS,
+    "accel_mps2": ACCEL_MPS2,
+    "length_m": Numbers(0.05, 60.0, gaps=True),
+    "width_m": Numbers(0.05, 10.0, gaps=True),
+}
+"""What a row of anything on a road may hold, by the column's name."""
+
+
 def _is_number(value: object) -> bool:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return is_number or (isinstance(value, str) and value.strip("+-.0123456789eE") == "")
@@ -111,3 +134,45 @@ def check_columns(place: object, there: Collection[str], needed: Collection[str]
     if missing := [name for name in needed if name not in there]:
         has = ", ".join(map(str, there))[:200]
         raise InputError(f"{place}: the column {', '.join(missing)} is missing; it has {has}: {fix}")
+
+
+def check_moves(
+    place: object,
+    who: npt.NDArray[Any],
+    time_s: npt.NDArray[np.float64],
+    x_m: npt.NDArray[np.float64],
+    y_m: npt.NDArray[np.float64],
+    heading_rad: npt.NDArray[np.float64],
+    is_ego: bool = False,
+) -> None:
+    """Refuse ways in the plane that nothing on a road goes.
+
+    Args:
+        place: The file, or the option and the file.
+        who: Whose row each is, of any kind that can be sorted, shape (n,).
+        time_s: Times, in any order, shape (n,).
+        x_m: Places, shape (n,).
+        y_m: Places, shape (n,).
+        heading_rad: Directions, nan where none is told, shape (n,).
+        is_ego: Whether they are of the recording car, of which no row may be odd; of others a few may.
+
+    Raises:
+        InputError: One is at two places at once, leaps, goes aside or backwards, or turns at once.
+    """
+    order = np.lexsort((time_s, who))
+    step_s, moved_x, moved_y, turned = (np.diff(each[order]) for each in (time_s, x_m, y_m, heading_rad))
+    same, far_m, direction = who[order][1:] == who[order][:-1], np.hypot(moved_x, moved_y), heading_rad[order][:-1]
+    ahead_m = moved_x * np.cos(direction) + moved_y * np.sin(direction)
+    aside = np.abs(moved_y * np.cos(direction) - moved_x * np.sin(direction)) > np.abs(ahead_m)
+    kinds = {
+        TWICE: step_s == 0.0,
+        "leaps": far_m > LEAP_MPS * step_s + LEAP_M,
+        "goes aside": aside & (far_m > ASIDE_MPS * step_s + ROUGH_M) & (step_s <= 1.0),
+        "turns at once": (np.abs(np.sin(turned)) > math.sin(TURN_RAD)) & (step_s <= TURN_S),
+        "goes backwards": is_ego & (ahead_m < -BACK_MPS * step_s - ROUGH_M),
+    }
+    for told, odd in kinds.items():
+        rows = order[1:][odd & same]
+        if len(rows) > (0 if is_ego or told == TWICE else MOST_ODD * len(who)):
+            moment = f"{str(who[rows[0]])[:60]} {told} at {time_s[rows[0]]:g} s"
+            raise InputError(f"{place}: {moment}; mend its places, times or directions")

@@ -17,6 +17,7 @@ from typing import Any, TypedDict
 import numpy as np
 import pandas as pd
 
+from harness.common.bounds import check_moves
 from harness.common.errors import InputError
 from harness.common.isolation import trusted
 from harness.common.signals import signals_held
@@ -36,9 +37,10 @@ from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
-from harness.truth.recorded.order import LONGEST_INTERVAL_S, TOLERATED_SHARE, leaps
+from harness.truth.recorded.order import LONGEST_INTERVAL_S
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
+from mmpf.numerics.arrays import wrapped
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
@@ -190,7 +192,6 @@ def _of_files(logs: Logs, name: str) -> Scored:
     moments = _samples(rows, ego, logs["step"])
     rows = _with_times(rows, moments)
     rows = _with_ego(rows, ego, logs)
-    _check_once(rows, logs["truth"])
     _check_moves(rows, logs["truth"])
     table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
     settings = merged(None, {}, logs["settings"])
@@ -217,27 +218,18 @@ def _of_files(logs: Logs, name: str) -> Scored:
     return Scored(config, snapshots, clock, moments)
 
 
-def _check_once(rows: pd.DataFrame, path: Path) -> None:
-    """Refuse a truth that has a vehicle twice at one time, or more of them than can be looked at."""
-    again = rows[rows.duplicated([*KEYS, "id"])]
-    if len(again):
-        raise InputError(f"`truth`: {path}: {str(again['id'].iloc[0])[:60]} is there twice at one time; leave one row")
+def _check_moves(rows: pd.DataFrame, path: Path) -> None:
+    """Refuse a truth that is too dense, pauses for long, or whose vehicles move as nothing does."""
     if (most := rows.groupby(KEYS).size().max()) > MOST_AT_ONCE:
         raise InputError(f"`truth`: {path}: {most} vehicles at one time; at most {MOST_AT_ONCE} are scored")
-
-
-def _check_moves(rows: pd.DataFrame, path: Path) -> None:
-    """Refuse a truth that pauses for long, or whose ego, or more than a few of whose vehicles, leap."""
     pause_s = rows[KEYS].drop_duplicates().sort_values(KEYS).groupby("episode")["time_s"].diff().max()
     if pause_s > LONGEST_INTERVAL_S:
         raise InputError(f"`truth`: {path}: {pause_s:g} s pass between two of its times; mend the times, or cut it")
-    who = pd.factorize(pd.MultiIndex.from_frame(rows[["episode", "id"]].astype(str)))[0]
-    time_s, x_m, y_m = (rows[name].to_numpy(dtype=np.float64) for name in ("time_s", "lon_m", "lat_m"))
-    far = leaps(time_s, who.astype(np.int64), x_m, y_m)
-    if far.mean() > TOLERATED_SHARE or (far & rows["is_ego"].to_numpy(dtype=bool)).any():
-        row = int(far.argmax())
-        name = str(rows["id"].iloc[row])[:60]
-        raise InputError(f"`truth`: {path}: {name} leaps before {time_s[row]:g} s; mend places and times")
+    rows = rows if "heading_rad" in rows else rows.assign(heading_rad=np.nan)
+    for is_ego, own in rows.groupby(rows["is_ego"].astype(bool)):
+        who = (own["id"].astype(str) + " of " + own["episode"].astype(str)).to_numpy(dtype=np.str_)
+        time_s, x_m, y_m, heading_rad = own[["time_s", "lon_m", "lat_m", "heading_rad"]].to_numpy(dtype=np.float64).T
+        check_moves(f"`truth`: {path}", who, time_s, x_m, y_m, heading_rad, bool(is_ego))
 
 
 def _samples(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:
@@ -289,6 +281,7 @@ def _with_ego(rows: pd.DataFrame, ego: pd.DataFrame | None, logs: Logs) -> pd.Da
         values = {name: way[name].to_numpy(dtype=np.float64) for name in columns}
         values["heading_rad"] = np.unwrap(values["heading_rad"])
         poses = {name: np.interp(at, own, value) for name, value in values.items()}
+        poses["heading_rad"] = wrapped(poses["heading_rad"])
         parts.append(pd.DataFrame({"episode": episode, "time_s": at, "id": EGO, "is_ego": True, **poses}))
     joined = pd.concat(parts, ignore_index=True)
     return joined.merge(joined.loc[joined["is_ego"].astype(bool), KEYS], on=KEYS)

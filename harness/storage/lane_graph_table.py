@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.common.bounds import Numbers
-from harness.storage.schema import PLACE
+from harness.common.bounds import PLACE_M, Numbers
 from mmpf.map.control import LinkControl
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.limits import MOST_POINTS, graph_problem
@@ -72,7 +71,7 @@ def walls_of(rows: Sequence[Sequence[float]]) -> FloatArray:
     """
     walls = np.array(rows, dtype=np.float64).reshape(-1, 4)
     Numbers(0, MOST_POINTS).check("the count of its walls", len(walls))
-    PLACE.check("a wall", walls)
+    PLACE_M.check("a wall", walls)
     return walls
 
 

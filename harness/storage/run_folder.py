@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.common.bounds import Numbers, check_columns
+from harness.common.bounds import PLACE_M, Numbers, check_columns
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.isolation import ProcessLimits, isolated
@@ -28,7 +28,7 @@ from harness.storage.checks import AGAIN, Until, check_kinds, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.manifest import manifest_of
-from harness.storage.schema import PLACE, TABLES, Table
+from harness.storage.schema import TABLES, Table
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.limits import lanes_problem
@@ -295,10 +295,10 @@ def _check_frame(road: CorridorRoad) -> None:
     """Refuse, with a ValueError, a road without drivable lanes."""
     points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
     Numbers(2, 100_000).check("the count of points of its reference line", len(points))
-    PLACE.check("its reference line", points)
+    PLACE_M.check("its reference line", points)
     Numbers(1e-9).check("the way between two points of its reference line", np.hypot(*np.diff(points, axis=0).T))
-    PLACE.check("its begin", road.reference_start_m)
-    Numbers(PLACE.least, PLACE.most, rising=True).check("its section", road.section_m)
+    PLACE_M.check("its begin", road.reference_start_m)
+    Numbers(PLACE_M.least, PLACE_M.most, rising=True).check("its section", road.section_m)
 
 
 def _first_free(path: Path) -> Path:

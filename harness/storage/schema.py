@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
-from harness.common.bounds import Numbers
+from harness.common.bounds import OF_THINGS, PLACE_M, Numbers
 from mmpf.options.base import UNITS_BY_ENDING
 from mmpf.scan import VEHICLE_CLASSES
 
@@ -85,16 +85,16 @@ def _number(name: str, meaning: str, unit: str | None = None, **more: object) ->
     return replace(Column("float64", name, meaning, by_name if unit is None else unit), **more)  # type: ignore[arg-type]
 
 
-SHARE, SIZE, TURN = Numbers(0.0, 1.0), Numbers(1e-6, 100.0), Numbers(-1e3, 1e3)
-COUNT, WHOLE, PLACE = Numbers(0.0, 1e9), Numbers(0, 1e9, whole=True), Numbers(-1e8, 1e8)
+SHARE = Numbers(0.0, 1.0)
+COUNT, WHOLE = Numbers(0.0, 1e9), Numbers(0, 1e9, whole=True)
 _whole, _flag, _text = (partial(Column, kind) for kind in ("int64", "bool", "string"))
 
 STEP = _whole("step", "number of the step, from 0", numbers=WHOLE)
 TIME = _number("time_s", "time since the first step", numbers=COUNT)
 EPISODE = _whole("episode", "number of the ego's stay; identities never connect across episodes", numbers=WHOLE)
 WHEN = (STEP, TIME, EPISODE)
-LON = _number("lon_m", "longitudinal position of the centre; in the plane, x", numbers=PLACE)
-LAT = _number("lat_m", "lateral position of the centre, positive to the left; in the plane, y", numbers=PLACE)
+LON = _number("lon_m", "longitudinal position of the centre; in the plane, x", numbers=PLACE_M)
+LAT = _number("lat_m", "lateral position of the centre, positive to the left; in the plane, y", numbers=PLACE_M)
 LON_SPEED = _number("speed_mps", "longitudinal speed")
 LAT_SPEED = _number("lat_speed_mps", "lateral speed, positive to the left")
 ACCEL = _number("accel_mps2", "longitudinal acceleration")
@@ -110,6 +110,12 @@ STATE = _text("state", "how much of the vehicle the sensor sees", words=VISIBILI
 NO_SIZES = "the sensor measures no sizes"
 NO_HEADINGS = "the sensor measures no directions"
 WHOLE_ROAD = "the source knows of all vehicles everywhere"
+
+
+def _true(*columns: Column) -> tuple[Column, ...]:
+    """Return columns of what is true of a vehicle, whose numbers are as things on roads have them."""
+    known = {name: replace(numbers, gaps=False) for name, numbers in OF_THINGS.items()}
+    return tuple(replace(column, numbers=known.get(column.name, column.numbers)) for column in columns)
 
 
 def _seen(*columns: Column) -> tuple[Column, ...]:
@@ -137,12 +143,15 @@ TABLES: dict[str, Table] = {
     "truth.parquet": Table(
         "A row for each vehicle and step. A tracker gets the ego's pose, and no more of it.",
         (
-            *WHEN, VEHICLE, LON, LAT,
-            _number("heading_rad", "heading against the road's direction, positive to the left", numbers=TURN),
-            LON_SPEED, LAT_SPEED, ACCEL,
-            _whole("lane", "lane number; 0 off the road"),
-            _number("length_m", "length", numbers=SIZE),
-            _number("width_m", "width", numbers=SIZE),
+            *WHEN, VEHICLE,
+            *_true(
+                LON, LAT,
+                _number("heading_rad", "heading against the road's direction, positive to the left"),
+                LON_SPEED, LAT_SPEED, ACCEL,
+                _whole("lane", "lane number; 0 off the road"),
+                _number("length_m", "length"),
+                _number("width_m", "width"),
+            ),
             _flag("is_ego", "whether it is the vehicle with the sensor; one in every step"),
             _flag("in_range", "whether its centre is within the sensor's range"),
             _number("visible_fraction", "share of it that the sensor can see, 0 to 1; 1 of the ego", numbers=SHARE),

@@ -9,17 +9,18 @@ from xml.etree.ElementTree import Element, ParseError, iterparse
 
 import numpy as np
 
-from harness.common.bounds import Numbers, check_numbers
+from harness.common.bounds import PLACE_M, Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number, require_file, unpacked
-from harness.truth.network.polyline import doubles_back
+from harness.truth.network.polyline import doubles_back, length_of
 
-PLACE = Numbers(-1e8, 1e8)
+# Lanes of one edge share a length, so that a short or bent one is not as long as it says.
+ROUGH_M = 20.0
 # Smallest and largest value of each attribute that is a number.
 LANE = {"speed": (1e-3, 150.0), "length": (1e-3, 1e6), "width": (1e-3, 200.0), "index": (0.0, 1e3)}
 TYPE = {
-    "length": (0.1, 60.0), "width": (0.1, 10.0), "height": (1e-3, 20.0), "minGap": (0.0, 100.0), "tau": (1e-3, 60.0),
-    "accel": (1e-3, 50.0), "decel": (1e-3, 50.0), "maxSpeed": (1e-3, 150.0), "sigma": (0.0, 1.0),
+    "length": (0.1, 60.0), "width": (0.1, 10.0), "height": (1e-3, 20.0), "minGap": (0.0, 50.0), "tau": (0.05, 10.0),
+    "accel": (1e-3, 20.0), "decel": (1e-3, 20.0), "maxSpeed": (1e-3, 150.0), "sigma": (0.0, 1.0),
     "probability": (0.0, 1e9), "impatience": (-1e3, 1.0), "minGapLat": (0.0, 10.0), "maxSpeedLat": (0.0, 50.0),
     "speedDev": (0.0, 2.0), "speedFactor": (1e-3, 20.0),
 }  # fmt: skip
@@ -96,8 +97,11 @@ def _check_shape(text: str, element: Element, path: Path) -> None:
     who = f"{element.tag} {element.get('id', '?')[:60]}"
     try:
         points = [[number(word) for word in point.split(",")] for point in text.split()]
-        PLACE.check("the shape", [value for point in points for value in point], who)
-        if element.tag == "lane" and doubles_back(np.array(points)):
+        PLACE_M.check("the shape", [value for point in points for value in point], who)
+        line, stated_m = np.array(points)[:, :2], _number(element.get("length", ""))
+        if element.tag == "lane" and doubles_back(line):
             raise ValueError("it doubles back")
+        if element.tag == "lane" and stated_m is not None:
+            Numbers(0.5 * stated_m - ROUGH_M, 1.5 * stated_m + ROUGH_M).check("its length", length_of(line))
     except ValueError as error:
         raise InputError(f"{path}: the shape of {who} is no list of points: {error}") from None

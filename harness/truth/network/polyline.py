@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from harness.common.bounds import Numbers
+from harness.common.bounds import PLACE_M, Numbers
 from mmpf.numerics.arrays import FloatArray
 
-POINT_M = Numbers(-1e7, 1e7)
 BACK, LONG_PIECE_M = -0.97, 10.0
 
 
@@ -26,7 +25,7 @@ def checked_line(line: FloatArray, longest_m: float, what: str) -> FloatArray:
     """
     if len(line) < 2:
         raise ValueError(f"{what} needs two points or more")
-    POINT_M.check(f"a point of {what}", line)
+    PLACE_M.check(f"a point of {what}", line)
     Numbers(1e-9, longest_m).check(f"the length of {what}", length_of(line))
     if doubles_back(line):
         raise ValueError(f"{what} doubles back")

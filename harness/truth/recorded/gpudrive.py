@@ -1,6 +1,7 @@
 """Waymo Open Motion scenes in GPUDrive's JSON: states of objects every tenth of a second, and roads.
 
-Headings are degrees in older files, radians in newer ones, and none says which: beyond a turn they are degrees.
+Headings are degrees in older files, radians in newer ones, and none says which: beyond a turn they are degrees. They
+may count several turns.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.planetracks import MiddleLine, PlaneTrajectory, Scene, traffic_of_scene
 from harness.truth.recorded.rows import ReadTraffic
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, wrapped
 
 MOST_RAD = 6.5
 
@@ -48,7 +49,7 @@ def _valid(vehicle: Mapping[str, Any]) -> BoolArray:
 def _way(name: str, vehicle: Mapping[str, Any], unit_rad: float) -> PlaneTrajectory:
     valid = _valid(vehicle)
     place, velocity = _xy(vehicle["position"])[valid], _xy(vehicle["velocity"])[valid]
-    heading = np.array(vehicle["heading"], dtype=np.float64)[valid] * unit_rad
+    heading = wrapped(np.array(vehicle["heading"], dtype=np.float64)[valid] * unit_rad)
     return PlaneTrajectory(
         name=name,
         time_s=np.flatnonzero(valid).astype(np.float64) * STEP_S,

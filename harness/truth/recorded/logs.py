@@ -18,12 +18,11 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from harness.common.bounds import Numbers, check_columns, check_numbers
+from harness.common.bounds import OF_THINGS, UNIT, check_columns, check_numbers, row_number
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.named import named
 from harness.common.untrusted_files import check_file, checked_path, read_text
-from harness.truth.network.polyline import POINT_M
 from harness.truth.recorded.detected.kitti import (
     BOX,
     CameraWay,
@@ -42,8 +41,6 @@ TRUTH, DETECTIONS, TRACKS = "truth", "detections", "tracks"
 FORMATS = ("parquet", "csv", "kitti", "mot", "nuscenes", "mcap")
 KITTI_VEHICLES, KITTI_NOTHING = ("Car", "Van", "Truck"), "DontCare"
 NUSCENES_VEHICLES = ("car", "truck", "bus", "trailer")
-OF_LOGS = {"time_s": Numbers(), "lon_m": POINT_M, "lat_m": POINT_M}
-OF_POSES = dict.fromkeys(("heading_rad", "speed_mps", "length_m", "width_m"), Numbers())
 KITTI_WORDS, PIXELS_PER_M = 17, 100.0
 IDENTITIES = {TRUTH: "vehicle_id", TRACKS: "track_id", DETECTIONS: "truth_id"}
 OTHER_NAMES = {"x_m": "lon_m", "y_m": "lat_m", "timestamp_s": "time_s", "yaw_rad": "heading_rad"}
@@ -124,7 +121,7 @@ def _read(log: LogFile, name: str, files: Sequence[Path]) -> pd.DataFrame:
     timed = name in ("csv", "parquet") and log.role != TRUTH
     parts = [rows if "episode" in rows or timed else rows.assign(episode=k) for k, rows in enumerate(read)]
     rows = pd.concat(parts, ignore_index=True)
-    check_numbers(log.path, rows, OF_LOGS)
+    check_numbers(log.path, rows, OF_THINGS)
     return rows
 
 
@@ -157,7 +154,7 @@ def read_poses_table(path: Path, step_s: float) -> pd.DataFrame:
         return isolated(partial(named(bags, "format", "mcap"), path, EGO, None), f"`ego`: {path}").assign(episode=0)
     rows = isolated(partial(_table, LogFile(path, DETECTIONS, step_s=step_s), path), f"`ego`: {path}")
     check_columns(f"`ego`: {path}", rows.columns, ["heading_rad"])
-    check_numbers(f"`ego`: {path}", rows, OF_LOGS | OF_POSES)
+    check_numbers(f"`ego`: {path}", rows, OF_THINGS)
     return rows if "episode" in rows else rows.assign(episode=0)
 
 
@@ -249,6 +246,11 @@ def split_topic(path: Path) -> tuple[Path, str | None]:
 
 
 def heading_of(turn_wxyz: FloatArray) -> FloatArray:
-    """Return the direction in the plane of turns as quaternions, rows of w, x, y, z, shape (n, 4)."""
+    """Return the direction in the plane of turns as quaternions, rows of w, x, y, z, shape (n, 4).
+
+    Raises:
+        ValueError: One is no unit quaternion.
+    """
+    UNIT.check("the square of a rotation's length", (turn_wxyz**2).sum(axis=1), row_number)
     w, x, y, z = turn_wxyz.T
     return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.common.bounds import Numbers, check_numbers
+from harness.common.bounds import LEAP_M, LEAP_MPS, OF_THINGS, TURNED_RAD, Numbers, check_moves, check_numbers
 from harness.common.errors import InputError
-from harness.truth.network.polyline import POINT_M
 from harness.truth.recorded.rows import ReadTraffic, Rows
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
+from mmpf.numerics.arrays import IntArray, StringArray
 
 # Times closer together than this are one time.
 TIME_RESOLUTION_S = 1e-3
@@ -24,19 +23,13 @@ SAME_POSITION_M = 0.05
 # More of them than that, as a share of the rows, and the times are not the vehicles' own.
 MOST_CONTRADICTING = 0.1
 LONGEST_INTERVAL_S = 10.0
-MOST_ROWS, FASTEST_MPS = 50_000_000, 120.0
-ROWS = {
-    "time_s": Numbers(),
+MOST_ROWS = 50_000_000
+ROWS = OF_THINGS | {
     "time since the first row": Numbers(0.0, 400.0 * 86_400.0),
-    "lon_m": POINT_M,
-    "lat_m": POINT_M,
-    "speed_mps": Numbers(-FASTEST_MPS, FASTEST_MPS, gaps=True),
     "length_m": Numbers(1.0, 40.0),
     "width_m": Numbers(0.2, 10.0),
 }
 """What a row of traffic of any format may hold; else a unit is wrong."""
-# No vehicle moves faster; one that seems to is taken as another one from there on.
-JUMP_MPS, JUMP_M = 80.0, 1.0
 # So many contradictions are those of a large recording, not of a wrong unit.
 TOLERATED_SHARE = 0.01
 
@@ -74,13 +67,13 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
     Of several rows of one vehicle and time the file's first counts.
 
     Raises:
-        InputError: A number is missing, or a vehicle's time goes back.
+        InputError: A number is missing, a vehicle's time goes back, or it moves as nothing does.
     """
     rows = traffic.rows
     if not len(rows):
         raise InputError(f"{path}: it contains no vehicle; give a recording with vehicles")
     told = {"time since the first row": rows.time_s - rows.time_s.min(), **vars(rows)}
-    allowed = ROWS | ({"heading_rad": Numbers()} if traffic.in_plane else {})
+    allowed = ROWS | ({"heading_rad": TURNED_RAD} if traffic.in_plane else {})
     check_numbers(path, told, allowed, lambda row: f"vehicle {traffic.names[rows.vehicle[row]]}", UNITS)
     tick = np.round((rows.time_s - rows.time_s.min()) / TIME_RESOLUTION_S).astype(np.int64)
     key = rows.vehicle * (int(tick.max()) + 1) + tick
@@ -95,6 +88,8 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
     kept = order[~repeated]
     _check_time(rows.take(np.sort(kept)), traffic.names, path)
     rows = rows.take(kept)
+    heading = rows.heading_rad if traffic.in_plane else np.zeros(len(rows))
+    check_moves(path, traffic.names[rows.vehicle], rows.time_s, rows.lon_m, rows.lat_m, heading)
     step_s = np.diff(rows.time_s)
     same = np.diff(rows.vehicle) == 0
     interval_s = float(np.median(step_s[same])) if same.any() else 0.1
@@ -105,7 +100,8 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
         )
     moved_m = np.hypot(np.diff(rows.lon_m), np.diff(rows.lat_m))
     pauses = step_s > max(LONGEST_PAUSE_S, 1.5 * interval_s)
-    jumps = np.append(False, same & ~pauses & (moved_m > JUMP_MPS * step_s + JUMP_M))
+    # One that leaps is taken as another one from there on.
+    jumps = np.append(False, same & ~pauses & (moved_m > LEAP_MPS * step_s + LEAP_M))
     begins = np.append(True, ~same | pauses) | jumps
     starts = np.flatnonzero(begins)
     return Stays(
@@ -119,15 +115,6 @@ def order_rows(traffic: ReadTraffic, path: Path) -> Stays:
         jumps=np.flatnonzero(jumps[starts]),
         in_plane=traffic.in_plane,
     )
-
-
-def leaps(time_s: FloatArray, who: IntArray, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
-    """Return which rows lie farther from the row before of the same thing than any vehicle moves, shape (n,)."""
-    order = np.lexsort((time_s, who))
-    step_s, far_m = np.diff(time_s[order]), np.hypot(np.diff(x_m[order]), np.diff(y_m[order]))
-    found = np.zeros(len(order), dtype=np.bool_)
-    found[order[1:]] = (np.diff(who[order]) == 0) & (far_m > JUMP_MPS * step_s + JUMP_M)
-    return found
 
 
 def _count_contradictions(rows: Rows, order: IntArray, repeated: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> int:

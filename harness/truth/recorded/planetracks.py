@@ -9,10 +9,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from harness.common.bounds import Numbers, check_numbers
+from harness.common.bounds import PLACE_M, TURNED_RAD, Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import unpacked
-from harness.truth.network.polyline import POINT_M, grid_origin, length_of
+from harness.truth.network.polyline import grid_origin, length_of
 from harness.truth.recorded.laneletgraph import plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet
 from harness.truth.recorded.order import ROWS
@@ -28,9 +28,8 @@ USUAL_LANE_M = 3.5
 MEETS_WITHIN_M, MEETS_WITHIN_RAD = 1.0, np.deg2rad(45.0)
 BESIDE_WITHIN_RAD = np.deg2rad(20.0)
 SHORTEST_LINE_M = 0.5
-OF_WAYS = {name: numbers for name, numbers in ROWS.items() if name != "speed_mps"}
-OF_WAYS |= {"x_m": POINT_M, "y_m": POINT_M, "heading_rad": Numbers()}
-OF_LINES = {"a point": POINT_M, "the length": Numbers(0.0, 1e5), "the width": Numbers(0.1, 100.0)}
+OF_WAYS = ROWS | {"heading_rad": TURNED_RAD}
+OF_LINES = {"a point": PLACE_M, "the length": Numbers(0.0, 1e5), "the width": Numbers(0.1, 100.0)}
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.truth.recorded.order import TOLERATED_SHARE, Stays
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray
 
 # Vehicles that move or drive less than this say nothing about units.
 TELLING_DISTANCE_M = 10.0
@@ -27,13 +27,12 @@ def check_units(stays: Stays, path: Path) -> None:
     """Refuse positions, speeds and sizes that contradict each other.
 
     Raises:
-        InputError: Vehicles move much farther or less far than their speed says, jump, change their size, or are of no
-            vehicle's size: units are mixed or not those of the format.
+        InputError: Vehicles move much farther or less far than their speed says, change their size, or are
+            of no vehicle's size: units are mixed or not those of the format.
     """
     if (longest := max(map(len, stays.names))) > LONGEST_NAME:
         raise InputError(f"{path}: a vehicle's name has {longest} letters; at most {LONGEST_NAME} are read")
     _check_sizes(stays, path)
-    _check_jumps(stays, path)
     _check_speeds(stays, path)
     _check_apart(stays, path)
 
@@ -50,17 +49,6 @@ def _check_sizes(stays: Stays, path: Path) -> None:
         raise InputError(f"{path}: half of the vehicles would be no longer than {usual_m:.2f} m: wrong units?")
 
 
-def _check_jumps(stays: Stays, path: Path) -> None:
-    rows, after = stays.rows, stays.starts[stays.jumps]
-    before = after - 1
-    across = rows.lat_m if stays.in_plane else np.zeros(len(rows))
-    jump_m = np.hypot(rows.lon_m[after] - rows.lon_m[before], across[after] - across[before])
-    place_m = np.hypot(rows.lon_m, across)
-    ratio = place_m[after] / np.maximum(place_m[before], 1e-6)
-    told = [f"jumps by {far:.1f} m at {time_s:.1f} s" for far, time_s in zip(jump_m, rows.time_s[after], strict=True)]
-    _check_share(stays.jumps - 1, ratio, told, stays, path)
-
-
 def _check_speeds(stays: Stays, path: Path) -> None:
     """Refuse vehicles that move much farther or less far than their speed says, or the other way."""
     rows = stays.rows
@@ -71,8 +59,11 @@ def _check_speeds(stays: Stays, path: Path) -> None:
     telling = np.isfinite(driven) & (np.maximum(np.abs(driven), np.abs(moved)) > TELLING_DISTANCE_M)
     ratio = np.where(telling, moved / np.where(np.abs(driven) > 1e-6, driven, 1e-6), 1.0)
     wrong = np.flatnonzero((ratio < BELIEVABLE_RATIO[0]) | (ratio > BELIEVABLE_RATIO[1]))
-    told = [f"moves {moved[stay]:+.1f} m while its speed says {driven[stay]:+.1f} m" for stay in wrong]
-    _check_share(wrong, ratio[wrong], told, stays, path)
+    # Contradictions that are many or that a wrong unit explains; a large recording has a few of other kinds.
+    by_unit = np.abs(np.log(np.maximum(ratio[wrong], 1e-9))[:, None] - np.log(UNIT_FACTORS)).min(axis=1) < SAME_FACTOR
+    if suspects := wrong[by_unit | (len(wrong) > TOLERATED_SHARE * len(stays.starts))].tolist():
+        told = f"moves {moved[suspects[0]]:+.1f} m while its speed says {driven[suspects[0]]:+.1f} m"
+        raise InputError(f"{path}: vehicle {stays.names[suspects[0]]} {told}: mixed or wrong units?")
 
 
 def _check_apart(stays: Stays, path: Path) -> None:
@@ -106,16 +97,6 @@ def _ahead_m(stays: Stays) -> FloatArray:
         return np.diff(rows.lon_m)
     heading = rows.heading_rad[:-1]
     return np.asarray(np.diff(rows.lon_m) * np.cos(heading) + np.diff(rows.lat_m) * np.sin(heading))
-
-
-def _check_share(wrong: IntArray, ratio: FloatArray, told: list[str], stays: Stays, path: Path) -> None:
-    """Refuse contradictions that are many or that a wrong unit explains; a large recording has a few of other kinds."""
-    by_unit = np.min(np.abs(np.log(np.maximum(ratio, 1e-9))[:, None] - np.log(UNIT_FACTORS)), axis=1) < SAME_FACTOR
-    many = len(wrong) > TOLERATED_SHARE * len(stays.starts)
-    suspects = np.flatnonzero(by_unit | many)
-    if len(suspects):
-        name = stays.names[wrong[suspects[0]]]
-        raise InputError(f"{path}: vehicle {name} {told[suspects[0]]}: mixed or wrong units?")
 
 
 def _sum_by_stay(values: FloatArray, stays: Stays) -> FloatArray:

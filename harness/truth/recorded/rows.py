@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from harness.common.bounds import TURNED_RAD, row_number
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, wrapped
 
@@ -85,8 +86,12 @@ def rows_in(
         place: x and y of the centres and headings, each (n,).
         speed_mps: Speeds along the headings, shape (n,).
         size_m: Lengths and widths, each (n,).
+
+    Raises:
+        ValueError: A direction is beyond a turn, or not finite.
     """
     x, y, direction = place[0] - origin_xy[0], place[1] - origin_xy[1], place[2]
+    TURNED_RAD.check("the direction", direction, row_number)
     # Of a bent road as many pieces at a time as fit in memory.
     parts = [road.to_road(x[k : k + CHUNK_ROWS], y[k : k + CHUNK_ROWS]) for k in range(0, len(x), CHUNK_ROWS)]
     lon_m, lat_m = np.concatenate(parts, axis=1)

@@ -16,11 +16,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.feather
 
-from harness.common.bounds import Numbers, check_columns, check_numbers
+from harness.common.bounds import PLACE_M, UNIT, Numbers, check_columns, check_moves, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import check_file
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
-from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_moves, check_way
+from harness.truth.recorded.detected.numbers import BOX, MOMENTS
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPoses, GivenBoxes, Labels, sorted_by_step
 from harness.truth.recorded.laneletgraph import graph_of_lanelets
 from mmpf.numerics.arrays import FloatArray
@@ -40,7 +40,6 @@ OF_BOX = ["track_uuid", "category", *SIZE, *TURN, *PLACE, "num_interior_pts"]
 STEP_NS = 100_000_000
 CLOCK = {"the count of moments": MOMENTS, "the usual step, ns,": Numbers(0, 1.5 * STEP_NS)}
 CLOCK |= {"the longest step, ns,": Numbers(0, 2 * STEP_NS)}
-UNIT = {"the square of a rotation's length": Numbers(0.99, 1.01)}
 
 
 def files_of(path: Path) -> tuple[Path, ...]:
@@ -88,16 +87,17 @@ def _read(log: Path, with_map: bool) -> Drive:
     check_numbers(annotations, told | {"the longest step, ns,": steps.max(initial=0)}, CLOCK, "")
     if not np.isin(clock, poses.index.to_numpy()).all():
         raise InputError(f"{log / POSES} lacks the pose of a moment that {annotations.name} has")
-    if boxes.duplicated([WHEN, "track_uuid"]).any():
-        raise InputError(f"{annotations}: a thing is twice at one moment")
     then = poses.loc[clock]
     rotation, shift = _rotations(log / POSES, then), then[PLACE].to_numpy(dtype=np.float64)
-    check_way(log / POSES, shift)
+    check_numbers(log / POSES, {"a pose": shift}, {"a pose": PLACE_M})
     origin = shift[0]
     shift = shift - origin
+    ego = EgoPoses(shift[:, 0], shift[:, 1], np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0]))
+    seconds = (clock - clock[0]) / 1e9
+    check_moves(log / POSES, np.full(len(ego), "the car"), seconds, ego.x_m, ego.y_m, ego.heading_rad, True)
     step = np.searchsorted(clock, boxes[WHEN].to_numpy(dtype=np.int64)).astype(np.int64)
     place, size = boxes[PLACE].to_numpy(dtype=np.float64), boxes[SIZE].to_numpy(dtype=np.float64)
-    check_boxes(annotations, step.astype(np.float64), size, place)
+    check_numbers(annotations, {"the frame": step, "the size": size, "the place": place}, BOX)
     front = (rotation[step] @ _rotations(annotations, boxes)[:, :, :1])[:, :, 0]
     where = (rotation[step] @ place[:, :, None])[:, :, 0] + shift[step]
     names, thing = np.unique(boxes["track_uuid"].to_numpy(dtype=np.str_), return_inverse=True)
@@ -117,14 +117,14 @@ def _read(log: Path, with_map: bool) -> Drive:
             [VEHICLES.get(kind, UNKNOWN_CLASS) for kind in boxes["category"].tolist()], dtype=np.int64
         ),
     )
-    check_moves(annotations, labels)
+    check_moves(annotations, names[thing], seconds[step], labels.x_m, labels.y_m, labels.heading_rad)
     seen = counts & (points >= FEWEST_POINTS)
     names_of = [column.name for column in fields(GivenBoxes) if column.name != "score"]
     columns = {name: getattr(labels, name)[seen] for name in names_of}
     others = len(names) - len(np.unique(labels.thing[counts]))
     return Drive(
         name=log.name,
-        ego=EgoPoses(shift[:, 0], shift[:, 1], np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])),
+        ego=ego,
         names=names,
         labels=sorted_by_step(labels),
         given=sorted_by_step(GivenBoxes(**columns, score=points[seen])),
@@ -153,7 +153,11 @@ def _table(path: Path, columns: list[str]) -> pd.DataFrame:
 def _rotations(path: Path, table: pd.DataFrame) -> FloatArray:
     """Return rotations of unit quaternions, shape (n, 3, 3)."""
     w, x, y, z = table[TURN].to_numpy(dtype=np.float64).T
-    check_numbers(path, {"the square of a rotation's length": w * w + x * x + y * y + z * z}, UNIT)
+    check_numbers(
+        path,
+        {"the square of a rotation's length": w * w + x * x + y * y + z * z},
+        {"the square of a rotation's length": UNIT},
+    )
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.common.bounds import Numbers, check_numbers
+from harness.common.bounds import PLACE_M, Numbers, check_moves, check_numbers
 from harness.common.errors import InputError
-from harness.truth.recorded.detected.numbers import MOMENTS, check_boxes, check_moves, check_way, numbers_of, words_of
+from harness.truth.recorded.detected.numbers import BOX as OF_BOX
+from harness.truth.recorded.detected.numbers import MOMENTS, numbers_of, words_of
 from harness.truth.recorded.detected.recorded_drive import (
     Drive,
     EgoPoses,
@@ -36,7 +37,8 @@ LABEL_WORDS, DETECTION_WORDS, POSE_WORDS = 17, 15, 12
 # Columns of detections.
 KIND, SCORE, ANGLE = 1, 6, 14
 PICTURE, BOX = slice(2, 6), slice(7, 14)
-RIGID, THING = {"the distance from a rotation": Numbers(0.0, 0.01)}, {"the number of a thing": Numbers(0, 10_000_000)}
+POSE = {"a pose": PLACE_M, "the distance from a rotation": Numbers(0.0, 0.01)}
+THING = {"the number of a thing": Numbers(0, 10_000_000)}
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,8 @@ def _labels(files: SequenceFiles, way: CameraWay) -> tuple[StringArray, Labels]:
     classes = np.array([VEHICLES.get(kind, UNKNOWN_CLASS) for kind in rows.kind.tolist()], dtype=np.int64)
     known = {"thing": rows.thing, "counts": classes != UNKNOWN_CLASS, "covered": rows.covered}
     labels = sorted_by_step(Labels(**boxes.columns, **known, vehicle_class=classes))
-    check_moves(files.labels, labels)
+    moves = labels.step / 10.0, labels.x_m, labels.y_m, labels.heading_rad
+    check_moves(files.labels, rows.names[labels.thing], *moves)
     return rows.names, labels
 
 
@@ -173,8 +176,6 @@ def read_labels(path: Path) -> LabelRows:
     values = numbers_of(path, [[*row[:2], *row[3:LABEL_WORDS]] for row in words], 0, LABEL_WORDS - 1)
     check_numbers(path, {"the number of a thing": values[:, 1]}, THING)
     names, thing = np.unique(values[:, 1].astype(np.int64), return_inverse=True)
-    if len(np.unique(np.stack([values[:, 0], values[:, 1]]), axis=1).T) < len(words):
-        raise InputError(f"{path}: a thing is twice in one frame")
     return LabelRows(
         frame=values[:, 0],
         kind=np.array([row[2] for row in words], dtype=np.str_),
@@ -195,11 +196,13 @@ def read_poses(path: Path) -> CameraWay:
     check_numbers(path, {"the count of poses": len(rows)}, {"the count of poses": MOMENTS}, "")
     pose = numbers_of(path, rows, 0, POSE_WORDS).reshape(-1, 3, 4)
     rotation, shift = pose[:, :, :3], pose[:, :, 3]
-    check_way(path, shift)
     off = np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     off = np.where(np.linalg.det(rotation) > 0.0, off, 2.0)  # a mirror is no turn
-    check_numbers(path, {"the distance from a rotation": off}, RIGID, lambda row: f"pose {row}")
-    return CameraWay(rotation, shift)
+    check_numbers(path, {"a pose": shift, "the distance from a rotation": off}, POSE, lambda row: f"pose {row}")
+    way = CameraWay(rotation, shift)
+    ego, count = ego_path(way), len(pose)
+    check_moves(path, np.full(count, "the camera"), np.arange(count) / 10.0, ego.x_m, ego.y_m, ego.heading_rad, True)
+    return way
 
 
 def boxes_in_plane(path: Path, frame: FloatArray, box: FloatArray, way: CameraWay) -> RecordedBoxes:
@@ -211,7 +214,8 @@ def boxes_in_plane(path: Path, frame: FloatArray, box: FloatArray, way: CameraWa
     Raises:
         InputError: A box is impossible, or of a frame without a pose.
     """
-    check_boxes(path, frame, box[:, :3], box[:, 3:6])
+    told = {"the frame": frame, "the size": box[:, :3], "the place": box[:, 3:6], "the turn": box[:, 6]}
+    check_numbers(path, told, OF_BOX)
     step = frame.astype(np.int64)
     if len(step) and step.max() >= len(way.shift):
         raise InputError(f"{path} has frame {step.max()}, but there are poses of {len(way.shift)} frames")
