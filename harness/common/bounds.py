@@ -17,7 +17,7 @@ NONE = np.zeros(0, dtype=np.bool_)
 # Nothing on wheels gets farther from one row to its next; more than so small a share of rows that do is no slip.
 LEAP_MPS, LEAP_M, MOST_ODD = 80.0, 1.0, 0.004
 # Nor more aside than ahead when it is this fast, nor about so far in so short a time; no recording car backs so fast.
-ASIDE_MPS, BACK_MPS, ROUGH_M, TURN_RAD, TURN_S = 10.0, 8.0, 0.5, math.radians(30.0), 0.2
+ASIDE_MPS, BACK_MPS, ROUGH_M, TURN_RAD, TURN_S = 10.0, 8.0, 0.5, math.radians(35.0), 0.2
 TWICE = "is there twice"
 
 

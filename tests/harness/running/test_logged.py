@@ -395,8 +395,8 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
     (late := tmp_path / "late.txt").write_text(truth.read_text().replace("\n20,", "\n200,").replace("\n3", "\n30"))
     (many := tmp_path / "many.txt").write_text("".join(f"1,{k},-1,-1,-1,-1,1,{k},0,-1\n" for k in range(3000)))
     calls = [
-        (["--ego", "9"], twice, log, "is there twice at one time"),
-        (["--ego", "9"], leap, log, "leaps before"),
+        (["--ego", "9"], twice, log, "is there twice at"),
+        (["--ego", "9"], leap, log, "leaps at"),
         (["--ego", str(poses)], truth, log, "lat_m holds "),
         (["--ego", "9"], late, log, "s pass between two of its times"),
         (["--ego", "9"], many, log, "3000 vehicles at one time"),

@@ -92,9 +92,9 @@ def test_errors_are_drawn_from_the_seed(tmp_path: Path) -> None:
     [
         ("annotations.feather", lambda t: t.drop(columns="num_interior_pts"), "num_interior_pts is missing"),
         ("annotations.feather", lambda t: t.assign(length_m=np.nan), "not finite"),
-        ("annotations.feather", lambda t: t.assign(width_m=900.0), "the size of box"),
+        ("annotations.feather", lambda t: t.assign(width_m=900.0), "the size of row"),
         ("annotations.feather", lambda t: t.assign(qw=3.0), "rotation's length"),
-        ("annotations.feather", lambda t: pd.concat([t, t], ignore_index=True), "twice at one moment"),
+        ("annotations.feather", lambda t: pd.concat([t, t], ignore_index=True), "is there twice at 0 s"),
         ("annotations.feather", lambda t: t.assign(timestamp_ns=t.timestamp_ns * 7), "the usual step"),
         ("annotations.feather", lambda t: t.iloc[:0], "no rows"),
         ("city_SE3_egovehicle.feather", lambda t: t.iloc[:-1], "lacks the pose"),

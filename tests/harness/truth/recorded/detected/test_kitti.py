@@ -117,7 +117,7 @@ def test_labels_that_leap_are_refused(tmp_path: Path) -> None:
     folder = write_kitti(tmp_path)
     for line in range(0, 40, 5):
         spoil(folder, "label_02", line, 13, "300")
-    with pytest.raises(InputError, match="leaps before frame"):
+    with pytest.raises(InputError, match="leaps at"):
         read_kitti(folder)
 
 
@@ -127,14 +127,14 @@ def test_labels_that_leap_are_refused(tmp_path: Path) -> None:
         ("label_02", 1, 13, "nan", "'nan' is not a number"),
         ("label_02", 1, 13, "far", "'far' is not a number"),
         ("label_02", 1, 13, "1_0", "'1_0' is not a number"),
-        ("label_02", 1, 13, "1e9", "the place of box"),
-        ("label_02", 1, 12, "700", "the size of box"),
+        ("label_02", 1, 13, "1e9", "the place of row"),
+        ("label_02", 1, 12, "700", "the size of row"),
         ("label_02", 1, 0, "999", "poses of 60 frames"),
         ("label_02", 1, 0, "1.5", "whole number"),
-        ("label_02", 1, 0, "1e18", "the frame of box"),
-        ("label_02", 1, 1, "2", "twice in one frame"),
+        ("label_02", 1, 0, "1e18", "the frame of row"),
+        ("label_02", 1, 1, "2", "2 is there twice at 0 s"),
         ("label_02", 1, 1, "-4", "number of a thing"),
-        ("detection", 0, 7, "-1", "the size of box"),
+        ("detection", 0, 7, "-1", "the size of row"),
         ("poses", 3, 0, "2", "pose 3"),
         ("poses", 3, 0, "inf", "'inf' is not a number"),
     ],
