@@ -227,7 +227,8 @@ def _check_moves(rows: pd.DataFrame, path: Path) -> None:
         raise InputError(f"`truth`: {path}: {pause_s:g} s pass between two of its times; mend the times, or cut it")
     rows = rows if "heading_rad" in rows else rows.assign(heading_rad=np.nan)
     for is_ego, own in rows.groupby(rows["is_ego"].astype(bool)):
-        drive = "" if rows["episode"].nunique() == 1 else " of drive " + own["episode"].astype(str)
+        alone = rows["episode"].min() == rows["episode"].max()
+        drive = "" if alone else " of drive " + own["episode"].astype(str)
         who = (own["id"].astype(str) + drive).to_numpy(dtype=np.str_)
         time_s, x_m, y_m, heading_rad = own[["time_s", "lon_m", "lat_m", "heading_rad"]].to_numpy(dtype=np.float64).T
         check_moves(f"`truth`: {path}", who, time_s, x_m, y_m, heading_rad, bool(is_ego))

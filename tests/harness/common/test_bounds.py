@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.common.bounds import Numbers, check_columns, check_numbers
+from harness.common.bounds import Numbers, check_columns, check_moves, check_numbers
 from harness.common.errors import InputError
 
 VALUES = st.lists(st.sampled_from([-1.0, 0.0, 0.5, 1.0, 2.0, math.nan, math.inf]), max_size=4)
@@ -49,3 +49,19 @@ def test_a_message_names_the_column_the_row_and_the_value(values, told):
 def test_columns_that_are_missing_are_named_together():
     with pytest.raises(InputError, match="the column b, c is missing; it has a, d"):
         check_columns("a.csv", ["a", "d"], ["a", "b", "c"])
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "heading_rad", "told"),
+    [
+        ([0, 2, 4], [0, 0, 0], [0, 0, 0], None),
+        ([0, -2, -4], [0, 0, 0], [0, 0, 0], "goes backwards"),
+        ([0, 20, 40], [0, 0, 0], [0, 0, 0], "leaps"),
+        ([0, 1, 2], [0, 2, 0], [0, 0, 0], "goes aside"),
+        ([0, 1, 2], [0, 0, 0], [0, 1.5, 0], "turns at once"),
+    ],
+)
+def test_an_ego_that_moves_as_no_car_does_is_refused(x_m, y_m, heading_rad, told):
+    rows = (np.array(each, dtype=np.float64) for each in ([0.0, 0.1, 0.2], x_m, y_m, heading_rad))
+    with pytest.raises(InputError, match=f"car {told} at 0.1 s") if told else nullcontext():
+        check_moves("poses", np.full(3, "car"), *rows, is_ego=True)
