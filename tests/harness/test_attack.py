@@ -283,7 +283,7 @@ INPUTS: dict[str, Input] = {
     ),
     "poses that mirror": recording(kitti(lambda words, k: ["-1", *words[1:]]), "pose", *KITTI),
     "an ego that jumps 20 km": recording(
-        kitti(lambda words, k: [*words[:11], "20000"] if k > 30 else words), "pose 30", *KITTI
+        kitti(lambda words, k: [*words[:11], "20000"] if k > 30 else words), "leaps at 3.1 s", *KITTI
     ),
     "times as text": recording(
         av2(BOXES, lambda rows: rows.assign(timestamp_ns=rows.timestamp_ns.astype(str))), "timestamp_ns", *AV2

@@ -51,17 +51,9 @@ def test_columns_that_are_missing_are_named_together():
         check_columns("a.csv", ["a", "d"], ["a", "b", "c"])
 
 
-@pytest.mark.parametrize(
-    ("x_m", "y_m", "heading_rad", "told"),
-    [
-        ([0, 2, 4], [0, 0, 0], [0, 0, 0], None),
-        ([0, -2, -4], [0, 0, 0], [0, 0, 0], "goes backwards"),
-        ([0, 20, 40], [0, 0, 0], [0, 0, 0], "leaps"),
-        ([0, 1, 2], [0, 2, 0], [0, 0, 0], "goes aside"),
-        ([0, 1, 2], [0, 0, 0], [0, 1.5, 0], "turns at once"),
-    ],
-)
-def test_an_ego_that_moves_as_no_car_does_is_refused(x_m, y_m, heading_rad, told):
-    rows = (np.array(each, dtype=np.float64) for each in ([0.0, 0.1, 0.2], x_m, y_m, heading_rad))
-    with pytest.raises(InputError, match=f"car {told} at 0.1 s") if told else nullcontext():
-        check_moves("poses", np.full(3, "car"), *rows, is_ego=True)
+def test_an_ego_that_moves_as_no_car_does_is_refused():
+    ways = {"goes backwards": (-2.0, 0.0, 0.0), "leaps": (20.0, 0.0, 0.0), "goes aside": (1.0, 2.0, 0.0)}
+    for told, (x_m, y_m, turned_rad) in (ways | {"turns at once": (1.0, 0.0, 1.5)}).items():
+        rows = ([0.0, 0.1], [0.0, x_m], [0.0, y_m], [0.0, turned_rad])
+        with pytest.raises(InputError, match=f"car {told} at 0.1 s"):
+            check_moves("poses", np.full(2, "car"), *map(np.array, rows), is_ego=True)
