@@ -9,7 +9,8 @@ import numpy as np
 from mmpf.belief.mixture import NEVER, Mixture
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
-from mmpf.joint.sources import sources_of
+from mmpf.joint.kinds import VEHICLE
+from mmpf.joint.sources import Sources, sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, turned
 from mmpf.options.joint import JointMerging
@@ -77,10 +78,24 @@ def merge_lasting_overlaps(
         if not (keep[a] and keep[b]) or (confirmed[a] and confirmed[b] and not both[a, b]):
             continue
         elder = min((a, b), key=lambda m: (not confirmed[m], track_id[m]))
-        better = min((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
-        worse = a if better == b else b
+        better, worse = sorted((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
+        if confirmed[worse] and not confirmed[better]:
+            components = with_known_vehicle(components, better, worse)
         track_id[better], confirmed[better] = track_id[elder], confirmed[elder]
         keep[worse] = False
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
     updated = replace(components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_s=overlap_s)
     return replace(mixture, components=updated), keep
+
+
+def with_known_vehicle(components: Sources, heir: int, known: int) -> Sources:
+    """Return components in which one is a vehicle unless neither it nor another one, in the same place, is.
+
+    So a vehicle that was reported stays probable when a new component detects it, which alone would be doubted: most
+    vehicles do not appear in plain view.
+    """
+    kinds, existence = components.kinds.copy(), components.existence.copy()
+    alive = (1.0 - components.vehicle[known]) * existence[heir] * kinds[heir]
+    alive[VEHICLE] += existence[known] * kinds[known, VEHICLE]
+    kinds[heir], existence[heir] = alive / alive.sum(), alive.sum()
+    return replace(components, kinds=kinds, existence=existence)

@@ -169,12 +169,8 @@ class JointUpdate:
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
         """Remove by evidence, merge lasting overlaps, and start components from unexplained detections."""
-        joint, known, dt_s, hidden_after_s = (
-            self.joint,
-            self.known,
-            situation.dt_s,
-            self.options.reporting.hidden_after_s,
-        )
+        joint, known, dt_s = self.joint, self.known, situation.dt_s
+        hidden_after_s = self.options.reporting.hidden_after_s
         moments, sources = component_moments(updated.mixture), sources_of(updated.mixture)
         alive = worth_keeping(sources, moments, situation, joint.removal)
         mixture, keep = merge_lasting_overlaps(updated.mixture, moments, alive, joint.merging, hidden_after_s, dt_s)

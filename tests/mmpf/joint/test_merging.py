@@ -10,6 +10,7 @@ import pytest
 
 from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.belief.moments import component_moments
+from mmpf.joint.kinds import STANDING, certain_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.rule import JointUpdate
 from mmpf.joint.sources import Sources
@@ -71,17 +72,18 @@ def test_of_three_in_one_place_the_names_that_were_reported_stay(
     assert merged.components.confirmed.all()
 
 
-@pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 0.0), (0.0, 1.5)])
-def test_the_name_that_was_reported_stays_even_if_it_is_the_younger_ones(unseen_s: tuple[float, float]) -> None:
-    merged = merged_after(elder_and_younger(1.0, (False, True), unseen_s), 3)
-    assert merged.components.track_id.tolist() == [YOUNGER]
-    assert merged.components.confirmed.tolist() == [True]
-
-
-def test_of_two_that_were_never_reported_the_elders_name_stays() -> None:
-    merged = merged_after(elder_and_younger(1.0, (False, False), (0.0, 0.0)), 3)
-    assert merged.components.track_id.tolist() == [ELDER]
-    assert merged.components.confirmed.tolist() == [False]
+@pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 0.0), (0.0, 1.5)], ids=["both seen", "elder", "younger"])
+@pytest.mark.parametrize(
+    ("reported", "name"), [((True, False), ELDER), ((False, True), YOUNGER), ((False, False), ELDER)]
+)
+def test_the_reported_name_stays_or_else_the_elders_in_the_place_of_the_one_seen_last(
+    reported: tuple[bool, bool], name: int, unseen_s: tuple[float, float]
+) -> None:
+    merged = merged_after(elder_and_younger(1.0, reported, unseen_s), 3)
+    assert merged.components.track_id.tolist() == [name]
+    assert merged.components.confirmed.tolist() == [any(reported)]
+    better = 30.0 if unseen_s[0] <= unseen_s[1] else 31.0
+    assert merged.cloud.state[LON].mean() == pytest.approx(better, abs=0.2)
 
 
 @pytest.mark.parametrize("unseen_s", [(0.1, 0.0), (1.5, 1.5)], ids=["both seen", "both hidden"])
@@ -107,18 +109,6 @@ def test_one_that_is_about_to_be_removed_merges_with_nobody() -> None:
         assert keep.tolist() == [True, False]
 
 
-@pytest.mark.parametrize("unseen_s", [(0.0, 0.0), (1.5, 0.0), (0.0, 1.5)], ids=["both seen", "elder", "younger"])
-def test_a_tentative_component_on_a_confirmed_one_is_merged_and_the_elders_name_stays(
-    unseen_s: tuple[float, float],
-) -> None:
-    mixture = elder_and_younger(1.0, (True, False), unseen_s)
-    merged = merged_after(mixture, 3)
-    assert merged.components.track_id.tolist() == [ELDER]
-    assert merged.components.confirmed.tolist() == [True]
-    better = 30.0 if unseen_s[0] <= unseen_s[1] else 31.0
-    assert merged.cloud.state[LON].mean() == pytest.approx(better, abs=0.2), "the one seen last knows the place"
-
-
 @pytest.mark.parametrize(("dt_s", "scans"), [(0.05, 6), (0.1, 3), (0.2, 2), (0.5, 1)])
 def test_how_many_scans_in_one_place_are_enough_is_a_matter_of_time(dt_s: float, scans: int) -> None:
     pair = elder_and_younger(1.0, (True, False), (0.0, 0.0))
@@ -126,8 +116,16 @@ def test_how_many_scans_in_one_place_are_enough_is_a_matter_of_time(dt_s: float,
     assert len(merged_after(pair, scans, dt_s)) == 1
 
 
-def test_two_scans_in_one_place_are_not_enough() -> None:
-    assert len(merged_after(elder_and_younger(1.0, (True, False), (0.0, 0.0)), 2)) == 2
+@pytest.mark.parametrize(("reported", "probable"), [(True, 1.0 - (1.0 - 0.9 * 0.8) * (1.0 - 0.9 * 0.3)), (False, 0.27)])
+def test_a_reported_vehicle_stays_as_probable_as_it_was_when_a_doubtful_one_detects_it(
+    reported: bool, probable: float
+) -> None:
+    """Of two independent reasons to believe in a vehicle either is enough."""
+    mixture = elder_and_younger(1.0, (reported, False), (1.5, 0.0))
+    kinds = certain_vehicles(2) * np.array([0.8, 0.3])[:, None, None, None]
+    kinds[:, STANDING, 0, 0] = 0.2, 0.7
+    merged = merged_after(replace(mixture, components=replace(mixture.components, kinds=kinds)), 3)
+    assert merged.components.vehicle == pytest.approx(probable)
 
 
 def test_a_hidden_vehicle_beneath_a_seen_one_is_another_vehicle_if_both_were_confirmed() -> None:
