@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from harness.trackers.plane import fitted, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
@@ -19,6 +18,11 @@ from mmpf.numerics.arrays import BoolArray, FloatArray
 from mmpf.options.base import NotNegative, Positive, Settings, in_unit
 from mmpf.scan import EgoPose, Scan
 from mmpf.tracks import TENTATIVE, Tracks
+
+FLOW_WITHIN_M, LEAST_OTHERS = 100.0, 2
+"""Tracks within this distance are nearby; with fewer of them the traffic is unknown and no track is doubtful."""
+PATH_HALF_WIDTH_M, PATH_AHEAD_M = 1.8, 100.0
+"""A track this near the ego's line, up to so far ahead, is in its path and never doubtful."""
 
 
 class DoubtfulOptions(Settings):
@@ -33,20 +37,12 @@ class DoubtfulOptions(Settings):
     """
     flow_mps: Positive = 5.0
     """Traffic flows if the median speed of other confirmed, not doubtful tracks nearby is above this."""
-    flow_within_m: Positive = 100.0
-    """Tracks within this distance are nearby."""
-    least_others: Annotated[int, Field(ge=1)] = 2
-    """With fewer tracks nearby, the traffic is unknown and no track is doubtful."""
     moved_s: NotNegative = 1.0
     """A track whose speed was above ``standing_mps`` (by two standard deviations) for this total time is a vehicle and
     may stop.
     """
     trusted_after_s: Positive = 10.0
     """A track older than this is no longer doubtful."""
-    path_half_width_m: NotNegative = 1.8
-    """A track within this distance of the ego's line ahead is in its path and never doubtful; 0 ignores the path."""
-    path_ahead_m: NotNegative = 100.0
-    """Length of the ego's path."""
 
 
 class DoubtingTracker:
@@ -101,8 +97,8 @@ class DoubtingTracker:
         flows = np.zeros(len(tracks), dtype=np.bool_)
         for k in np.flatnonzero(stands).tolist():
             away_m = np.hypot(tracks.lon_m[tells] - tracks.lon_m[k], tracks.lat_m[tells] - tracks.lat_m[k])
-            nearby = speed[tells[(away_m <= options.flow_within_m) & (tells != k)]]
-            flows[k] = len(nearby) >= options.least_others and np.median(nearby) > options.flow_mps
+            nearby = speed[tells[(away_m <= FLOW_WITHIN_M) & (tells != k)]]
+            flows[k] = len(nearby) >= LEAST_OTHERS and np.median(nearby) > options.flow_mps
         return flows
 
     def _in_path(self, tracks: Tracks, ego: EgoPose) -> BoolArray:
@@ -111,9 +107,8 @@ class DoubtingTracker:
         lon, lat = tracks.lon_m - ego.lon_m, tracks.lat_m - ego.lat_m
         ahead = lon * np.cos(turn) + lat * np.sin(turn)
         aside = lat * np.cos(turn) - lon * np.sin(turn)
-        options = self._options
-        near = np.abs(aside) < options.path_half_width_m
-        return np.asarray(near & (ahead > 0.0) & (ahead <= options.path_ahead_m))
+        near = np.abs(aside) < PATH_HALF_WIDTH_M
+        return np.asarray(near & (ahead > 0.0) & (ahead <= PATH_AHEAD_M))
 
 
 def as_reported(tracker: Tracker, setting: TrackerSetting, options: DoubtfulOptions) -> Tracker:

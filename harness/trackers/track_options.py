@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from harness.trackers.doubtful import DoubtfulOptions
-from mmpf.options.base import NotNegative, Positive, Settings, in_unit
+from mmpf.options.base import Positive, Settings, in_unit
 
 
 class TrackOptions(Settings):
@@ -27,8 +27,6 @@ class TrackOptions(Settings):
     """Detections before a track is confirmed."""
     held_unseen_s: Positive = 0.35
     """An unconfirmed track without detections for longer ends."""
-    range_margin_m: NotNegative = 4.0
-    """A track this far beyond the sensor's range ends."""
     birth_speed_std_mps: Positive = 10.0
     """Spread of a new track's speed around the ego's, where speed is not measured."""
     birth_lat_speed_std_mps: Positive = 1.0

@@ -17,6 +17,8 @@ from mmpf.scan import Detections
 
 # Speeds of particles that stand scatter by so much.
 STANDING_STD_MPS = 0.5
+FIRST_EXISTENCE = 0.5
+"""Existence probability of components born in the first scan."""
 
 
 @dataclass(frozen=True)

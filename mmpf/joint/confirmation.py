@@ -11,10 +11,12 @@ from mmpf.joint.sources import Sources
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray, turned
-from mmpf.options.joint import JointExistence, JointOptions, JointPath
+from mmpf.options.joint import JointOptions, JointPath
 
 LOG_MOVED = float(np.log(0.01))
 """A source has moved if its speed at some time was so unlikely for one that stands."""
+SAME_PLACE_SHARE, KNOWN_PLACE_STD_LON_M = 0.75, 1.0
+"""No component is confirmed within this share of a length and a width of a confirmed one with a smaller spread."""
 
 
 def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
@@ -66,8 +68,8 @@ def lies_in_path(components: Components, moments: Moments, plane: SensorPlane, o
     return np.asarray((along > 0.0) & (along < length_m) & (np.abs(across) < width_m))
 
 
-def stands_on_another(components: Components, moments: Moments, options: JointExistence) -> BoolArray:
+def stands_on_another(components: Components, moments: Moments) -> BoolArray:
     """Return which components overlap a confirmed, well localised one: they may not be confirmed."""
-    blocks = components.confirmed & (moments.std_along_m < options.known_place_std_lon_m)
-    overlaps = overlapping(components, moments, options.same_place_share)
+    blocks = components.confirmed & (moments.std_along_m < KNOWN_PLACE_STD_LON_M)
+    overlaps = overlapping(components, moments, SAME_PLACE_SHARE)
     return np.asarray((overlaps & blocks[None, :]).any(axis=1))

@@ -14,12 +14,15 @@ import numpy as np
 
 from mmpf.joint.kinds import FALSE, KINDS, LEVELS, SHADING, VEHICLE, shares_of
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.options.joint import JointFalseObjects, JointNewborn, JointVehicles
+from mmpf.options.joint import JointFalseObjects, JointVehicles
 from mmpf.scan import SensorModel
 
 FALSE_KINDS = KINDS - 1
 # A vehicle that was hardly looked at says nothing of its detectability.
 FEWEST_HITS = 10
+IN_VIEW_PER_S, PRIOR_APPEAR_S = 0.05, 3.0
+"""Prior rate of vehicles that are first detected in plain view, although they should have been detected earlier, and
+its weight in seconds; observed vehicles update it."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +142,13 @@ class FalseObjects:
         number = (self.vehicles + self.present).sum(axis=1) + options.prior_count * shares_of(options.shading)
         return np.asarray(number / number.sum())
 
-    def vehicles_in_view_per_s(self, options: JointNewborn) -> float:
+    def vehicles_in_view_per_s(self) -> float:
         """Return how many vehicles a second are first detected in plain view.
 
         What was counted can only raise the rate: that none was found so far rules out no car that nobody has seen.
         """
-        first, prior_s = options.appear_in_view_per_s, options.prior_appear_s
-        return max((prior_s * first + float(self.in_view.sum())) / (prior_s + self.watched_s), first)
+        known = PRIOR_APPEAR_S * IN_VIEW_PER_S + float(self.in_view.sum())
+        return max(known / (PRIOR_APPEAR_S + self.watched_s), IN_VIEW_PER_S)
 
     def standing_share(self, usual: FloatArray | float, options: JointVehicles) -> FloatArray | float:
         """Return the share of vehicles that stand where ``usual`` is the least share, its shape; as above."""

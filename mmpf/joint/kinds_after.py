@@ -80,10 +80,8 @@ def kinds_after(
         usual = stopped_shares(moments, situation.plane.road, joint.speeds)
         usual = learned.standing_share(usual, joint.vehicles)
         stopped = usual * before.standing_ratio / (1.0 - usual + usual * before.standing_ratio)
-        stood_log = np.where(seen, stood_log_after(stood_log, moments, joint.speeds), stood_log)
-        now = log_speed_likelihoods(
-            moments, situation.traffic, joint.speeds, options.birth.local_range_m, stopped, stood_log
-        )
+        stood_log = np.where(seen, stood_log_after(stood_log, moments), stood_log)
+        now = log_speed_likelihoods(moments, situation.traffic, options.birth.local_range_m, stopped, stood_log)
         speed_log = np.where(seen[:, None], now, speed_log)
         gain = speed_log - before.speed_log
         gain[:, VEHICLE] -= _overlap_loss(before, moments, options, situation)

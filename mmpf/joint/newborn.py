@@ -10,7 +10,7 @@ import numpy as np
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
-from mmpf.joint.false_objects import FalseObjects
+from mmpf.joint.false_objects import IN_VIEW_PER_S, FalseObjects
 from mmpf.joint.kinds import (
     DETECTABILITY,
     FALSE,
@@ -26,7 +26,7 @@ from mmpf.joint.sources import Sources
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.options.filter import FilterOptions
-from mmpf.options.joint import JointNewborn, JointOptions
+from mmpf.options.joint import JointOptions
 from mmpf.scan import SensorModel
 from mmpf.stages.update_rule import Situation
 from mmpf.visibility.depth import Occluders, depth_table
@@ -38,6 +38,16 @@ from mmpf.visibility.shadows import visible_fractions
 OVERLOOKED_SCANS = 4.0
 # Vehicles pass each other at this speed though the ego stands.
 SLOWEST_PASSING_MPS = 7.0
+OUT_OF_VIEW_PER_S, IN_SHADOW = 4.0, 0.1
+"""Rate of vehicles that are first detected at the edge of a shadow or of the range, or in the first scan, and the
+factor on a rate deep in a shadow, where no vehicle should be detected."""
+FIRST_LOOK_S = 1.0
+"""Time after the first scan until the vehicles in plain view have been detected."""
+SHADOW_EDGE_S = 0.5
+"""Time for which a vehicle may have left a shadow, or entered the range, before it is detected; the ego passes
+standing vehicles at its own speed."""
+LEAST_PRIOR = 0.02
+"""Smallest prior probability of either kind, at any place of appearance."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +64,9 @@ class Appearances:
     in_view_standing: FloatArray
     seen_share: FloatArray
 
-    def standing_ratio(self, options: JointNewborn) -> FloatArray:
+    def standing_ratio(self) -> FloatArray:
         """Return how many times more often standing than moving vehicles appear there, at least 1, shape (k,)."""
-        moving, standing = (
-            _rate(degree, options.appear_in_view_per_s, options) for degree in (self.in_view, self.in_view_standing)
-        )
+        moving, standing = (_rate(degree, IN_VIEW_PER_S) for degree in (self.in_view, self.in_view_standing))
         return np.asarray(standing / moving)
 
     @classmethod
@@ -93,10 +101,10 @@ def kinds_at_birth(
     shadow = _by_shading(learned.vehicle_shading(vehicles), places.seen_share)
     kinds[:, VEHICLE] = (shadow / shadow.sum(axis=1, keepdims=True))[:, :, None] * profile[:, None]
     if options.kinds.weighed:
-        stopped, in_view_per_s = options.speeds.stopped_on_road, learned.vehicles_in_view_per_s(newborn)
-        rate = _rate(places.in_view, in_view_per_s, newborn)
-        rate *= 1.0 - stopped + stopped * places.standing_ratio(newborn)
-        rate *= newborn.appear_in_shadow + (1.0 - newborn.appear_in_shadow) * places.seen_share
+        stopped, in_view_per_s = options.speeds.stopped_on_road, learned.vehicles_in_view_per_s()
+        rate = _rate(places.in_view, in_view_per_s)
+        rate *= 1.0 - stopped + stopped * places.standing_ratio()
+        rate *= IN_SHADOW + (1.0 - IN_SHADOW) * places.seen_share
         kinds[:, VEHICLE] *= rate[:, None, None]
         profiles = learned.profiles(false_objects) * DETECTABILITY
         profiles *= (learned.kind_shares(false_objects) / profiles.sum(axis=1))[:, None]
@@ -104,7 +112,7 @@ def kinds_at_birth(
         shadow = _by_shading(false_objects.shading, places.seen_share)
         kinds[:, FALSE] = shadow[:, None, :, None] * profiles[:, None]
     kinds = normalised(kinds)
-    return bounded(kinds, options.kinds.least_prior) if options.kinds.weighed else kinds
+    return bounded(kinds, LEAST_PRIOR) if options.kinds.weighed else kinds
 
 
 def newborn_sources(
@@ -119,14 +127,14 @@ def newborn_sources(
     return replace(
         Sources.newborn(track_id, existence, options.vehicle),
         kinds=kinds_at_birth(places, learned, sensor, options.joint),
-        standing_ratio=places.standing_ratio(options.joint.newborn),
+        standing_ratio=places.standing_ratio(),
         born_in_view=places.in_view,
     )
 
 
-def _rate(in_view: FloatArray, in_view_per_s: float, options: JointNewborn) -> FloatArray:
+def _rate(in_view: FloatArray, in_view_per_s: float) -> FloatArray:
     """Return the vehicles per second that appear in places of a degree of plain view, shape (k,)."""
-    return np.asarray(options.appear_out_of_view_per_s ** (1.0 - in_view) * in_view_per_s**in_view)
+    return np.asarray(OUT_OF_VIEW_PER_S ** (1.0 - in_view) * in_view_per_s**in_view)
 
 
 def _by_shading(shares: Sequence[float] | FloatArray, seen_share: FloatArray) -> FloatArray:
@@ -170,11 +178,11 @@ def appearances_at(
     shares = known.reach.shares(options.joint.reach.prior_scans)
     watched = np.minimum(share_at(distance, shares, known.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
-    watched *= -np.expm1(-known.false_objects.since_start_s / newborn.first_look_s)
+    watched *= -np.expm1(-known.false_objects.since_start_s / FIRST_LOOK_S)
 
     def in_view(passing_mps: float) -> FloatArray:
         """Return the degree of plain view for vehicles that pass the ego at a speed."""
-        edge_m = newborn.shadow_edge_s * passing_mps
+        edge_m = SHADOW_EDGE_S * passing_mps
         before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
         inside = np.clip((sensor.range_m - distance) / max(newborn.edge_m, edge_m) - 0.5, 0.0, 1.0)
         return (

@@ -15,21 +15,26 @@ from mmpf.belief.moments import Moments
 from mmpf.joint.sources import Sources
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import FloatArray, IntArray
-from mmpf.options.joint import JointNoise
 from mmpf.scan import Scan
 from mmpf.stages.update_rule import Situation
 
 FACTOR_BOUNDS = (0.4, 3.0)
 LARGEST_SURPRISE = 9.0
+MEMORY_S = 2.0
+"""Time constant with which innovations are forgotten."""
+SMALLEST_STD_M = 0.04
+"""Smallest deviation of a detection: the centre of a partly visible vehicle is uncertain even if the range is exact."""
+FOLLOWED_DRIFT = 0.7
+"""Share of the drifting noise that the filter follows as if it were motion."""
 
 
-def no_more_exact(scan: Scan, smallest_std_m: float) -> Scan:
-    """Return the scan with positional deviations bounded below, in metres; unchanged where none is smaller."""
+def no_more_exact(scan: Scan) -> Scan:
+    """Return the scan with positional deviations of ``SMALLEST_STD_M`` and more; unchanged where none is smaller."""
     detections = scan.detections
-    if min(detections.std_lon_m.min(initial=np.inf), detections.std_lat_m.min(initial=np.inf)) >= smallest_std_m:
+    if min(detections.std_lon_m.min(initial=np.inf), detections.std_lat_m.min(initial=np.inf)) >= SMALLEST_STD_M:
         return scan
-    std_lon_m = np.maximum(detections.std_lon_m, smallest_std_m)
-    std_lat_m = np.maximum(detections.std_lat_m, smallest_std_m)
+    std_lon_m = np.maximum(detections.std_lon_m, SMALLEST_STD_M)
+    std_lat_m = np.maximum(detections.std_lat_m, SMALLEST_STD_M)
     raised = replace(detections, std_lon_m=std_lon_m, std_lat_m=std_lat_m)
     if detections.correlation is not None:
         # What is added in one direction has nothing to do with the other.
@@ -44,7 +49,6 @@ def with_innovations(
     hit: IntArray,
     by: IntArray,
     situation: Situation,
-    options: JointNoise,
 ) -> Sources:
     """Return the sources with the noise estimates updated by their innovations.
 
@@ -54,7 +58,6 @@ def with_innovations(
         hit: Components that were detected, shape (k,).
         by: The detection of each, shape (k,).
         situation: The scan and the sensor's data sheet.
-        options: How fast the noise is learned.
     """
     detections = situation.scan.detections
     factor = sources.noise_factor.copy()
@@ -63,8 +66,8 @@ def with_innovations(
     lat = (detections.lat_m[by] - moments.mean[LAT][hit]) ** 2 / (moments.variance[LAT][hit] + std_lat**2)
     surprise = 0.5 * (np.minimum(lon, LARGEST_SURPRISE) + np.minimum(lat, LARGEST_SURPRISE))
     # The filter follows part of what drifts, so that innovations are smaller than errors.
-    expected = 1.0 - options.followed_drift * situation.sensor.noise_correlated_share
-    learned = -np.expm1(-situation.dt_s / options.memory_s)
+    expected = 1.0 - FOLLOWED_DRIFT * situation.sensor.noise_correlated_share
+    learned = -np.expm1(-situation.dt_s / MEMORY_S)
     factor[hit] = np.clip(factor[hit] * (1.0 + 0.5 * learned * (surprise / expected - 1.0)), *FACTOR_BOUNDS)
     return replace(
         sources,

@@ -16,6 +16,8 @@ from mmpf.visibility.range_profile import Reach
 IN_PLAIN_VIEW = 0.9
 # Those that are hard to detect say more of themselves.
 USUAL = 0.8
+MEMORY_S = 60.0
+"""Time constant with which counted detections are forgotten."""
 
 
 def reach_after(
@@ -47,5 +49,5 @@ def reach_after(
     usual = before.kinds[counted][:, VEHICLE][:, :, DETECTABILITY >= USUAL].sum(axis=(1, 2))
     weight = before.existence[counted] * usual
     expected = weight * (1.0 - run[counted]) * known.sensor.detection_probability
-    kept = np.exp(-dt_s / options.reach.memory_s)
+    kept = np.exp(-dt_s / MEMORY_S)
     return known.reach.after(distance_m[counted], expected, weight * sightings.hit[counted], kept)

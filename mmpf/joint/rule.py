@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mmpf.belief.birth import Births, give_birth, lies_on_ego
+from mmpf.belief.birth import FIRST_EXISTENCE, Births, give_birth, lies_on_ego
 from mmpf.belief.mixture import Mixture, is_longer
 from mmpf.belief.moments import Moments, component_moments, effective_sizes
 from mmpf.belief.resampling import resample_smoothly
@@ -49,6 +49,9 @@ from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situati
 from mmpf.visibility.missed_runs import run_after_scan
 from mmpf.visibility.range_profile import Reach
 
+YOUNG_EFFECTIVE_SHARE = 0.9
+"""Replaces ``effective_share`` for a component with little detected time."""
+
 
 class JointUpdate:
     """Update rule ``joint``; see ``mmpf.stages.update_rule.UpdateRule``.
@@ -80,11 +83,11 @@ class JointUpdate:
 
     def prepare(self, scan: Scan) -> Scan:
         """Bound each detection's accuracy by that of a vehicle's centre."""
-        return no_more_exact(scan, self.joint.noise.smallest_std_m)
+        return no_more_exact(scan)
 
     def first(self, count: int) -> Sources:
         """Return components of the first scan: nothing was observed before."""
-        existence = np.full(count, self.options.birth.first_existence)
+        existence = np.full(count, FIRST_EXISTENCE)
         places, known = Appearances.unwatched(count), self.known
         return newborn_sources(1 + np.arange(count), existence, places, known.false_objects, known.sensor, self.options)
 
@@ -211,7 +214,7 @@ class JointUpdate:
         sources = replace(sources, confirmed=stays, withdrawn=withdrawn)
         if not confirmed_now.any():
             return Finetuned(replace(mixture, components=sources), moments=moments)
-        confirmed_now &= ~stands_on_another(sources, moments, joint.existence)
+        confirmed_now &= ~stands_on_another(sources, moments)
         sources = replace(
             sources, confirmed=sources.confirmed | confirmed_now, withdrawn=sources.withdrawn & ~confirmed_now
         )
@@ -236,7 +239,7 @@ class JointUpdate:
             return sources
         by = marginals.probability[hit].argmax(axis=1)
         if self.joint.noise.learned:
-            sources = with_innovations(sources, moments, hit, by, situation, self.joint.noise)
+            sources = with_innovations(sources, moments, hit, by, situation)
         return sources if sizes is None else with_measured_sizes(sources, hit, taken(sizes, by))
 
     def _resample(self, posterior: Mixture, was_hit: BoolArray, rng: np.random.Generator) -> tuple[Mixture, float]:
@@ -245,7 +248,7 @@ class JointUpdate:
             return posterior, 1.0
         effective_size = effective_sizes(posterior)
         young = was_hit & ~is_longer(sources_of(posterior).detected_s, options.young_s)
-        resampled = effective_size < np.where(young, options.young_effective_share, options.effective_share) * particles
+        resampled = effective_size < np.where(young, YOUNG_EFFECTIVE_SHARE, options.effective_share) * particles
         kernel_width = np.where(young, 1.0, options.kernel_width)
         posterior = resample_smoothly(posterior, resampled, particles, kernel_width, rng)
         return posterior, float(effective_size.mean() / particles)

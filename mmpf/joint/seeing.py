@@ -20,6 +20,9 @@ from mmpf.visibility.missed_runs import run_expected
 from mmpf.visibility.range_profile import share_at
 from mmpf.visibility.shadows import visible_fractions
 
+OCCLUDER_EXISTENCE = 0.2
+"""Components above this probability of a vehicle cast shadows."""
+
 
 def occlusion_of(
     prior: Mixture, moments: Moments, known: Known, situation: Situation, options: JointOptions
@@ -35,7 +38,7 @@ def occlusion_of(
     """
     detectability, plane, cloud, sources = options.detectability, situation.plane, prior.cloud, sources_of(prior)
     if detectability.shadow:
-        casts = sources.vehicle > detectability.occluder_existence
+        casts = sources.vehicle > OCCLUDER_EXISTENCE
         bodies = Occluders(sources.length_m, sources.width_m, moments.heading_rad)
         table = depth_table(plane, moments.mean[LON], moments.mean[LAT], casts, bodies)
         visible = visible_fractions(plane, cloud.state[LON], cloud.state[LAT], cloud.component, bodies, table)

@@ -13,33 +13,35 @@ from mmpf.options.joint import JointSpeeds
 
 # Vehicles queue so far before a stop line.
 QUEUE_M = 50.0
+STOPPED_IN_PLANE, STOPPED_AT_LINE, STOPPED_ELSEWHERE = 0.3, 0.6, 0.15
+"""Share of standing vehicles in flowing traffic in a plane without known stop lines, a little before one, elsewhere."""
+STANDING_STD_MPS, FLOW_STD_MPS = 1.0, 4.0
+"""Spread of the speeds of standing objects, and of vehicles' speeds around the traffic's."""
 
 
 def stopped_shares(moments: Moments, road: Road, options: JointSpeeds) -> FloatArray | float:
     """Return the share of vehicles that stands where each component is: shape (m,) where stop lines are known."""
     to_line = road.to_stop_line_m(moments.mean[LON], moments.mean[LAT], moments.heading_rad)
     if to_line is None:
-        return options.stopped_in_plane if road.has_headings else options.stopped_on_road
-    return np.where(to_line < QUEUE_M, options.stopped_at_line, options.stopped_elsewhere)
+        return STOPPED_IN_PLANE if road.has_headings else options.stopped_on_road
+    return np.where(to_line < QUEUE_M, STOPPED_AT_LINE, STOPPED_ELSEWHERE)
 
 
-def stood_log_after(before: FloatArray, moments: Moments, options: JointSpeeds) -> FloatArray:
+def stood_log_after(before: FloatArray, moments: Moments) -> FloatArray:
     """Return the log likelihood that each source always stood, given its speeds so far, shape (m,); 0 if unknown.
 
     Args:
         before: The same before this scan, shape (m,).
         moments: The components' moments.
-        options: What speeds are like.
     """
     variance = moments.variance[SPEED]
-    standing = -0.5 * moments.mean[SPEED] ** 2 / (variance + options.standing_std_mps**2)
-    return np.where(variance <= options.standing_std_mps**2, np.minimum(before, standing), before)
+    standing = -0.5 * moments.mean[SPEED] ** 2 / (variance + STANDING_STD_MPS**2)
+    return np.where(variance <= STANDING_STD_MPS**2, np.minimum(before, standing), before)
 
 
 def log_speed_likelihoods(
     moments: Moments,
     traffic: Traffic,
-    options: JointSpeeds,
     range_m: float,
     stopped: FloatArray | float,
     stood_log: FloatArray | float = 0.0,
@@ -52,16 +54,15 @@ def log_speed_likelihoods(
     Args:
         moments: The components' moments.
         traffic: Speeds of the vehicles around.
-        options: What speeds are like.
         range_m: How far the traffic around reaches.
         stopped: Share of vehicles that stand though others flow, shape (m,) or for all.
         stood_log: How well the speeds so far fit one that always stood, shape (m,); see ``stood_log_after``.
     """
     speed, variance = moments.mean[SPEED], moments.variance[SPEED]
     flow = local_speed(moments.mean[LON], moments.mean[LAT], traffic, range_m)
-    flowing = _normal(speed - flow, variance + options.flow_std_mps**2)
-    standing = _normal(speed, variance + options.standing_std_mps**2)
-    slowest = _normal(np.zeros_like(speed), variance + options.standing_std_mps**2)
+    flowing = _normal(speed - flow, variance + FLOW_STD_MPS**2)
+    standing = _normal(speed, variance + STANDING_STD_MPS**2)
+    slowest = _normal(np.zeros_like(speed), variance + STANDING_STD_MPS**2)
     vehicle = stopped * standing + (1.0 - stopped) * flowing
     always_stood = np.minimum(standing, slowest * np.exp(stood_log))
     return np.asarray(np.log(np.maximum(np.stack([vehicle, always_stood, flowing], axis=1), 1e-12)))

@@ -73,8 +73,6 @@ class BirthOptions(Settings):
     """Spread of the longitudinal acceleration."""
     local_range_m: Positive = 40.0
     """Tracks within this distance determine the speed of the surrounding traffic."""
-    first_existence: Probability = 0.5
-    """Existence probability of components born in the first scan."""
 
 
 class FlowOptions(Settings):
@@ -82,8 +80,6 @@ class FlowOptions(Settings):
 
     length_m: Positive = 25.0
     """Distance over which the weight of a detected vehicle's speed falls by the factor e."""
-    other_lane_weight: Probability = 0.15
-    """Weight of vehicles in other lanes relative to those in the same lane."""
 
 
 class ReportingOptions(Settings):

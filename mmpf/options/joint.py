@@ -24,8 +24,6 @@ class JointDetectability(Settings):
     """Whether the detection probability depends on shadows; otherwise it is ``fixed_probability``."""
     fixed_probability: Probability = 0.5
     """Detection probability everywhere if ``shadow`` is false."""
-    occluder_existence: Probability = 0.2
-    """Components above this existence probability cast shadows."""
     hidden_probability: Probability = 0.02
     """Detection probability of a particle that lies in shadow."""
     run_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.12
@@ -39,8 +37,6 @@ class JointReach(Settings):
 
     learned: bool = True
     """Whether detection probability by distance is learned from counts; otherwise the data sheet applies everywhere."""
-    memory_s: Positive = 60.0
-    """Time constant with which counted detections are forgotten."""
     prior_scans: Positive = 20.0
     """Weight of the data sheet in detections, for each ring around the sensor."""
 
@@ -82,12 +78,6 @@ class JointExistence(Settings):
     """Detected time that a component needs after its first detection before it is reported; each detection adds the
     time since the previous scan.
     """
-    same_place_share: NotNegative = 0.75
-    """No component is confirmed within this share of a length and a width of a confirmed component with a known
-    position.
-    """
-    known_place_std_lon_m: NotNegative = 1.0
-    """A component with a smaller spread has a known position."""
 
 
 class JointKinds(Settings):
@@ -95,8 +85,6 @@ class JointKinds(Settings):
 
     weighed: bool = True
     """Whether the filter distinguishes vehicles from false objects; otherwise everything that exists is a vehicle."""
-    least_prior: Annotated[float, Field(gt=0.0, lt=0.5), in_unit("probability")] = 0.02
-    """Smallest prior probability of either kind, at any place of appearance."""
     moved_s: NotNegative = 1.0
     """Detected time after which an object that has moved is reported with any probability of a vehicle."""
     largest_log_odds: Positive = 6.0
@@ -129,25 +117,10 @@ class JointVehicles(Settings):
 class JointNewborn(Settings):
     """Where vehicles are first detected, and how many."""
 
-    appear_in_view_per_s: Positive = 0.05
-    """Prior rate of vehicles that are first detected in plain view, although they should have been detected earlier.
-    """
-    prior_appear_s: Positive = 3.0
-    """Weight of that prior rate, in seconds; observed vehicles update it."""
-    appear_out_of_view_per_s: Positive = 4.0
-    """The same rate at the edge of a shadow or of the range, or in the first scan."""
-    appear_in_shadow: Probability = 0.1
-    """Factor on that rate deep in a shadow, where no vehicle should be detected."""
     overlooked_share: Probability = 0.3
     """Share of vehicles first detected in plain view that were missed before because they are hard to detect."""
-    first_look_s: Positive = 1.0
-    """Time after the first scan until the vehicles in plain view have been detected."""
     edge_m: Positive = 8.0
     """Least width of the zone at the edge of the range."""
-    shadow_edge_s: NotNegative = 0.5
-    """Time for which a vehicle may have left a shadow, or entered the range, before it is detected; the ego passes
-    standing vehicles at its own speed.
-    """
 
 
 class JointFalseObjects(Settings):
@@ -176,18 +149,8 @@ class JointFalseObjects(Settings):
 class JointSpeeds(Settings):
     """What speeds say of the kind of a source."""
 
-    standing_std_mps: Positive = 1.0
-    """Spread of the speeds of standing objects."""
-    flow_std_mps: Positive = 4.0
-    """Spread of vehicles' speeds around the traffic's."""
     stopped_on_road: Probability = 0.1
     """Share of standing vehicles in flowing traffic, on a single road: broken-down cars, ends of queues."""
-    stopped_in_plane: Probability = 0.3
-    """The same in a plane without known stop lines."""
-    stopped_at_line: Probability = 0.6
-    """The same a little before a signal or a yield line."""
-    stopped_elsewhere: Probability = 0.15
-    """The same where stop lines are known and none is ahead."""
 
 
 class JointPath(Settings):
@@ -221,29 +184,17 @@ class JointNoise(Settings):
 
     learned: bool = True
     """Whether the noise is learned; otherwise the reported deviations are used."""
-    memory_s: Positive = 2.0
-    """Time constant with which innovations are forgotten."""
-    smallest_std_m: NotNegative = 0.04
-    """Smallest standard deviation of a detection: the centre of a partly visible vehicle is uncertain even if the range
-    is exact.
-    """
-    followed_drift: Probability = 0.7
-    """Share of the drifting noise that the filter follows as if it were motion."""
 
 
 class JointRemoval(Settings):
     """When a component is let go."""
 
-    existence_below: Probability = 0.02
-    """A component below this existence probability is removed."""
     longest_unseen_s: Positive = 10.0
     """A confirmed component without detections for longer is removed."""
     unconfirmed_unseen_s: Positive = 1.0
     """An unconfirmed component without detections for longer is removed."""
     largest_std_lon_m: Positive = 20.0
     """A component with a wider spread is removed."""
-    range_margin_m: NotNegative = 4.0
-    """A component further than this beyond the sensor's range is removed."""
 
 
 class JointResampling(Settings):
@@ -259,8 +210,6 @@ class JointResampling(Settings):
     """A component with less detected time is resampled from its weighted Gaussian, since its speed is still uncertain;
     each detection adds the time since the previous scan.
     """
-    young_effective_share: Probability = 0.9
-    """Replaces ``effective_share`` for such a component."""
 
 
 class JointMerging(Settings):

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mmpf.options.base import NotNegative, Positive, Probability, Settings
+from mmpf.options.base import Positive, Probability, Settings
 
 Reading = Literal["literal", "charitable"]
 
@@ -52,8 +52,6 @@ class PaperRemoval(Settings):
     """A component without detections for longer is removed."""
     unconfirmed_unseen_s: Positive = 10.0
     """An unconfirmed component without detections for longer is removed."""
-    range_margin_m: NotNegative = 4.0
-    """A component further than this beyond the sensor's range has left the observation area and is removed."""
 
 
 class PaperResampling(Settings):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from mmpf.belief.birth import Births, give_birth, lies_on_ego
+from mmpf.belief.birth import FIRST_EXISTENCE, Births, give_birth, lies_on_ego
 from mmpf.belief.mixture import Components, Mixture
 from mmpf.belief.moments import Moments, component_moments, effective_sizes, gate_table
 from mmpf.belief.resampling import resample
@@ -61,7 +61,7 @@ class MaxLikelihoodUpdate:
 
     def first(self, count: int) -> Components:
         """Return components of the first scan."""
-        existence = np.full(count, self.options.birth.first_existence)
+        existence = np.full(count, FIRST_EXISTENCE)
         return Components.newborn(1 + np.arange(count), existence, self.options.vehicle)
 
     def assert_occlusion(self, prior: Mixture, moments: Moments, situation: Situation) -> Occlusion:
@@ -162,7 +162,7 @@ class MaxLikelihoodUpdate:
         if len(mixture) == 0:
             return np.zeros(0, dtype=np.bool_)
         mean = component_moments(mixture).mean
-        left = outside_observation_area(mean[LON], mean[LAT], situation, removal.range_margin_m)
+        left = outside_observation_area(mean[LON], mean[LAT], situation)
         share = np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
         is_light = share * len(mixture) < removal.weight
         patience_s = np.where(

@@ -17,6 +17,9 @@ from mmpf.options.filter import ModelErrorOptions
 from mmpf.scan import Scan, SensorModel
 from mmpf.visibility.range_profile import Reach
 
+RANGE_MARGIN_M = 4.0
+"""Tracks end that are farther than this beyond the sensor's range."""
+
 
 @dataclass(frozen=True)
 class Situation:
@@ -156,6 +159,6 @@ class UpdateRule(Protocol):
         """Recompute particle and component weights: "Weight update"."""
 
 
-def outside_observation_area(lon_m: FloatArray, lat_m: FloatArray, situation: Situation, margin_m: float) -> BoolArray:
-    """Return which positions lie beyond the sensor's range and the margin, shape (m,)."""
-    return np.asarray(situation.plane.distance_m(lon_m, lat_m) > situation.sensor.range_m + margin_m)
+def outside_observation_area(lon_m: FloatArray, lat_m: FloatArray, situation: Situation) -> BoolArray:
+    """Return which positions lie more than ``RANGE_MARGIN_M`` beyond the sensor's range, shape (m,)."""
+    return np.asarray(situation.plane.distance_m(lon_m, lat_m) > situation.sensor.range_m + RANGE_MARGIN_M)

@@ -25,6 +25,8 @@ from mmpf.surroundings.neighbours import KnownTraffic, UnmeasuredNeighbour, near
 
 LEAST_PROBABILITIES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """For each fifth of the doubts from 0 to 1: particles heed who is a vehicle with more than this probability."""
+OTHER_LANE_WEIGHT = 0.15
+"""Weight of vehicles in other lanes in the speed of the traffic, relative to those in the same lane."""
 
 
 def surroundings_of(
@@ -93,7 +95,7 @@ def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray, options: Fl
         options: How much each of them counts.
     """
     weight = np.exp(-np.abs(mean[LON][:, None] - mean[LON][None, :]) / options.length_m)
-    weight *= np.where(lane[:, None] == lane[None, :], 1.0, options.other_lane_weight)
+    weight *= np.where(lane[:, None] == lane[None, :], 1.0, OTHER_LANE_WEIGHT)
     weight *= counts[None, :]
     np.fill_diagonal(weight, 0.0)
     total = weight.sum(axis=1)

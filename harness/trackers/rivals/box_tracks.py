@@ -26,7 +26,7 @@ from harness.trackers.rivals.boxes import FlatBoxes, generalised_overlap
 from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.options import RivalOptions
 from mmpf.numerics.arrays import FloatArray, IntArray, taken, wrapped
-from mmpf.options.base import NotNegative, Positive, in_unit
+from mmpf.options.base import Positive, in_unit
 from mmpf.options.filter import Footprint
 from mmpf.scan import Detections, EgoPose
 
@@ -35,16 +35,15 @@ _COMPARED_WITHIN_M = 25.0
 _TURNING_MPS = 1.0
 _UNKNOWN_HEADING_STD_RAD = 1.0
 
+SIZE_NOISE_M2_PER_S, HEADING_NOISE_RAD2_PER_S = 0.01, 0.05
+"""Power spectral densities of the changes of a box's size, and of its direction where directions are measured."""
+
 
 class BoxOptions(RivalOptions):
     """Settings that trackers of boxes share."""
 
     least_overlap: Annotated[float, Field(ge=-1.0, lt=1.0), in_unit("overlap")] = -0.4
     """Smallest generalised overlap of a detection and its track, -1 to 1; boxes that just touch have about 0."""
-    size_noise: Annotated[NotNegative, in_unit("m²/s")] = 0.01
-    """Power spectral density of the changes of a box's size."""
-    heading_noise: Annotated[NotNegative, in_unit("rad²/s")] = 0.05
-    """Power spectral density of the changes of a box's direction, where directions are measured."""
     vehicle: Footprint = Footprint()
     """Size of a vehicle before it is measured."""
     longest_unseen_s: Positive = 3.0
@@ -100,7 +99,7 @@ def begun(lives: Lives, detections: Detections, ego: EgoPose, options: BoxOption
 def predicted(tracks: BoxTracks, interval_s: float, options: BoxOptions, in_plane: bool) -> BoxTracks:
     """Return the boxes after some time without a look at them; in the plane a box points anywhere."""
     states = predict_constant_velocity(tracks.states, interval_s, options.lon_noise, options.lat_noise)
-    heading, variance = tracks.heading_rad, tracks.heading_variance + options.heading_noise * interval_s
+    heading, variance = tracks.heading_rad, tracks.heading_variance + HEADING_NOISE_RAD2_PER_S * interval_s
     if in_plane:
         # Where no direction was ever measured, boxes point where they go.
         speed = np.hypot(states.mean[:, SPEED], states.mean[:, LAT_SPEED])
@@ -109,7 +108,7 @@ def predicted(tracks: BoxTracks, interval_s: float, options: BoxOptions, in_plan
     return replace(
         tracks,
         states=states,
-        size_variance_m2=tracks.size_variance_m2 + options.size_noise * interval_s,
+        size_variance_m2=tracks.size_variance_m2 + SIZE_NOISE_M2_PER_S * interval_s,
         heading_rad=heading,
         heading_variance=variance,
     )

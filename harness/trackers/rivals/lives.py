@@ -10,6 +10,7 @@ from harness.trackers.kalman import tracks_of
 from harness.trackers.rivals.options import RivalOptions
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import EgoPose
+from mmpf.stages.update_rule import RANGE_MARGIN_M
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 SMALLEST_STD = 1e-6
@@ -55,7 +56,7 @@ def remembered(lives: Lives, lon_m: FloatArray, lat_m: FloatArray, now: ScanMome
     longest_s = np.where(lives.confirmed(options), options.longest_unseen_s, options.held_unseen_s)
     away_m = np.hypot(lon_m - now.ego.lon_m, lat_m - now.ego.lat_m)
     is_recent = now.time_s - lives.last_seen_s <= longest_s + TIME_TOLERANCE_S
-    return np.asarray(is_recent & (away_m <= now.range_m + options.range_margin_m))
+    return np.asarray(is_recent & (away_m <= now.range_m + RANGE_MARGIN_M))
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,8 @@ from mmpf.scan import Detections, Scan, SensorModel, check_scan
 from mmpf.tracks import Tracks
 
 _OBSERVATIONS_KEPT = 16
+# Positions nearer to each other define no direction.
+_LEAST_MOTION_M = 1.0
 
 
 class OcSortOptions(BoxOptions):
@@ -50,8 +52,6 @@ class OcSortOptions(BoxOptions):
     momentum_s: Positive = 0.3
     """A track's direction starts at its observation this long before the last one (the paper's Δt), at most 16
     observations back."""
-    least_motion_m: Positive = 1.0
-    """Shortest distance between two positions that defines a direction."""
     recovery_overlap: Annotated[float, Field(ge=-1.0, le=1.0), in_unit("overlap")] = 0.3
     """Smallest overlap of an unmatched detection with the last observed box of an unmatched track for recovery; 1 turns
     it off.
@@ -205,7 +205,7 @@ def momentum(observed: Observations, detections: Detections, options: OcSortOpti
     places_m = np.column_stack([detections.lon_m, detections.lat_m])
     goes_m = places_m - start_m[:, None]
     turn = wrapped(np.arctan2(goes_m[..., 1], goes_m[..., 0]) - np.arctan2(went_m[..., 1], went_m[..., 0]))
-    is_told = (_length(went_m) >= options.least_motion_m) & (_length(goes_m) >= options.least_motion_m)
+    is_told = (_length(went_m) >= _LEAST_MOTION_M) & (_length(goes_m) >= _LEAST_MOTION_M)
     return np.asarray(np.where(is_told, 1.0 - np.abs(turn) / np.pi, 0.5))
 
 

@@ -14,6 +14,8 @@ from mmpf.options.base import Positive, Settings, in_unit
 from mmpf.tracks import TENTATIVE, Tracks
 
 _UNMATCHED_COST = 1e6
+_LAT_GATE_M = 1.8
+"""Largest lateral distance between a new track and the prediction of an old one."""
 
 
 class StitchingOptions(Settings):
@@ -27,8 +29,6 @@ class StitchingOptions(Settings):
     """Largest longitudinal distance, in standard deviations of the old track's prediction; see ``margin_m``."""
     margin_m: Annotated[float, Field(ge=0.0)] = 3.0
     """Added to that distance, since the centres of two cars are at least one length apart."""
-    lat_gate_m: Positive = 1.8
-    """Largest lateral distance."""
     remember_s: Positive = 10.0
     """An ended track is remembered for this long after its last detection."""
     largest_std_lon_m: Positive = 8.0
@@ -136,7 +136,7 @@ class IdentityStitcher:
         distance = np.abs(tracks.lon_m[new, None] - lost.lon_m)
         possible = (
             (distance < reach)
-            & (np.abs(tracks.lat_m[new, None] - lost.lat_m) < options.lat_gate_m)
+            & (np.abs(tracks.lat_m[new, None] - lost.lat_m) < _LAT_GATE_M)
             & (lost.last_seen_s <= sightings.first_s[new, None] + options.overlap_s)
         )
         rows, columns = linear_sum_assignment(np.where(possible, distance / reach, _UNMATCHED_COST))

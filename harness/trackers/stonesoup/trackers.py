@@ -52,6 +52,7 @@ from harness.trackers.stonesoup.parts import (
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher
 from harness.trackers.track_options import TrackOptions
+from mmpf.stages.update_rule import RANGE_MARGIN_M
 
 
 def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
@@ -145,7 +146,7 @@ def _assembly(
     updater: Updater,
 ) -> Assembly:
     """Put a tracker together; of the initiators the first begins tracks, the second holds them until confirmed."""
-    range_deleter = BeyondRangeDeleter(setting.sensor.range_m + options.range_margin_m)
+    range_deleter = BeyondRangeDeleter(setting.sensor.range_m + RANGE_MARGIN_M)
     deleters: list[Deleter] = [range_deleter]
     if isinstance(options, StoneSoupOptions):
         unseen = UpdateTimeDeleter(timedelta(seconds=options.longest_unseen_s))

@@ -29,7 +29,7 @@ from mmpf.joint.kinds import (
 from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
 from mmpf.joint.newborn import Appearances, kinds_at_birth
 from mmpf.joint.sources import Sources
-from mmpf.joint.speeds import log_speed_likelihoods
+from mmpf.joint.speeds import STANDING_STD_MPS, log_speed_likelihoods
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
 from mmpf.scan import SensorModel
@@ -191,8 +191,8 @@ def test_a_speed_counts_as_it_is_at_present_and_is_not_summed_up() -> None:
     situation, moments = situation_with([]), component_moments(before)
     alive, _ = ended_meanwhile(before.components, NOTHING, DT_S, UNBOUNDED.joint)
     range_m, speeds = OPTIONS.birth.local_range_m, OPTIONS.joint.speeds
-    stood = np.array([-0.5 * (3.0 / speeds.standing_std_mps) ** 2])
-    likelihood = log_speed_likelihoods(moments, situation.traffic, speeds, range_m, speeds.stopped_on_road, stood)
+    stood = np.array([-0.5 * (3.0 / STANDING_STD_MPS) ** 2])
+    likelihood = log_speed_likelihoods(moments, situation.traffic, range_m, speeds.stopped_on_road, stood)
     expected = normalised(alive * np.exp(likelihood)[:, :, None, None])
     once = scanned(before, seen_as(0.0, run=1.0), UNBOUNDED)
     assert once.components.kinds == pytest.approx(expected, abs=1e-9)

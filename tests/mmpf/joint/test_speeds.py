@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 from mmpf.belief.birth import Traffic
 from mmpf.belief.moments import Moments
 from mmpf.joint.kinds import MOVING, STANDING, VEHICLE
-from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
+from mmpf.joint.speeds import (
+    FLOW_STD_MPS,
+    STANDING_STD_MPS,
+    STOPPED_AT_LINE,
+    STOPPED_ELSEWHERE,
+    STOPPED_IN_PLANE,
+    log_speed_likelihoods,
+    stood_log_after,
+    stopped_shares,
+)
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
@@ -38,13 +47,13 @@ def moving(speeds_mps: list[float], std_mps: float = 0.5) -> Moments:
 def likelihoods(
     speed_mps: float, std_mps: float = 0.5, stood_log: float = 0.0, traffic: Traffic = FLOW, stopped: float = STOPPED
 ) -> FloatArray:
-    return log_speed_likelihoods(moving([speed_mps], std_mps), traffic, OPTIONS, RANGE_M, stopped, stood_log)[0]
+    return log_speed_likelihoods(moving([speed_mps], std_mps), traffic, RANGE_M, stopped, stood_log)[0]
 
 
 def stood_after(speeds: list[float], std_mps: float = 0.5) -> float:
     stood = np.zeros(1)
     for speed in speeds:
-        stood = stood_log_after(stood, moving([speed], std_mps), OPTIONS)
+        stood = stood_log_after(stood, moving([speed], std_mps))
     return float(stood[0])
 
 
@@ -57,8 +66,8 @@ def density(speed_mps: float, mean_mps: float, std_mps: float) -> float:
 def test_each_kinds_likelihood_is_that_of_its_speeds_blurred_by_what_is_not_known(
     speed_mps: float, std_mps: float, stopped: float
 ) -> None:
-    standing = density(speed_mps, 0.0, np.hypot(std_mps, OPTIONS.standing_std_mps))
-    flowing = density(speed_mps, 20.0, np.hypot(std_mps, OPTIONS.flow_std_mps))
+    standing = density(speed_mps, 0.0, np.hypot(std_mps, STANDING_STD_MPS))
+    flowing = density(speed_mps, 20.0, np.hypot(std_mps, FLOW_STD_MPS))
     expected = {VEHICLE: stopped * standing + (1.0 - stopped) * flowing, STANDING: standing, MOVING: flowing}
     found = np.exp(likelihoods(speed_mps, std_mps, stopped=stopped))
     assert found[list(expected)] == pytest.approx(list(expected.values()), abs=1e-11)
@@ -92,7 +101,7 @@ def test_the_order_of_the_speeds_means_nothing_for_whether_it_ever_moved(speeds:
 
 @given(st.lists(speeds_mps, min_size=1, max_size=6))
 def test_what_stood_at_its_fastest_moment_fits_standing_as_that_moment_does(speeds: list[float]) -> None:
-    variance = OPTIONS.standing_std_mps**2 + 0.5**2
+    variance = STANDING_STD_MPS**2 + 0.5**2
     assert stood_after(speeds) == pytest.approx(-0.5 * max(speeds) ** 2 / variance)
 
 
@@ -127,7 +136,7 @@ def test_vehicles_stand_before_stop_lines_rather_than_elsewhere() -> None:
     moments = moving([0.0] * 5)
     moments.mean[LON] = [30.0, 50.0, 85.0, 95.0, 50.0]
     moments.mean[LAT] = [0.0, 0.0, 0.0, 0.0, 40.0]
-    before, elsewhere = OPTIONS.stopped_at_line, OPTIONS.stopped_elsewhere
+    before, elsewhere = STOPPED_AT_LINE, STOPPED_ELSEWHERE
     found = stopped_shares(moments, LaneGraphRoad(graph), OPTIONS)
     np.testing.assert_array_equal(found, [elsewhere, before, before, elsewhere, elsewhere])
     assert before > elsewhere
@@ -136,6 +145,4 @@ def test_vehicles_stand_before_stop_lines_rather_than_elsewhere() -> None:
 def test_where_no_stop_line_is_known_one_share_holds_for_all() -> None:
     moments = moving([0.0])
     assert stopped_shares(moments, highway(), OPTIONS) == OPTIONS.stopped_on_road
-    assert (
-        stopped_shares(moments, LaneGraphRoad(replace(stop_line(), control=None)), OPTIONS) == OPTIONS.stopped_in_plane
-    )
+    assert stopped_shares(moments, LaneGraphRoad(replace(stop_line(), control=None)), OPTIONS) == STOPPED_IN_PLANE

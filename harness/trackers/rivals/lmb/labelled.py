@@ -26,6 +26,8 @@ from mmpf.scan import Detections, Scan, check_scan
 from mmpf.tracks import Tracks
 
 _CLAIMED = 0.5
+# Gaussian components kept for each track.
+MOST_COMPONENTS = 5
 
 
 class Lmb:
@@ -87,7 +89,7 @@ class Lmb:
         begun = predict_constant_velocity(self._births, interval_s, options.lon_noise, options.lat_noise)
         places = [lmb.BirthLocation(k, *each) for k, each in enumerate(zip(begun.mean, begun.covariance, strict=True))]
         birth = lmb.BirthModel(places, options.birth_existence, options.birth_existence)
-        limits = lmb.FilterThresholds(options.least_existence, 1e-3, options.most_components)
+        limits = lmb.FilterThresholds(options.least_existence, 1e-3, MOST_COMPONENTS)
         return lmb.FilterLmb(motion, sensor, birth, lmb.AssociatorConfig.lbp(), limits)
 
     def _report(self, scan: Scan) -> Tracks:

@@ -25,5 +25,3 @@ class LmbOptions(RivalOptions):
     """Existence probability from which a track is reported."""
     least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
     """A track with a lower existence probability ends."""
-    most_components: Annotated[int, Field(ge=1, le=100)] = 5
-    """Number of Gaussian components kept for each track."""

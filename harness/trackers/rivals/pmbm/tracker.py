@@ -43,6 +43,10 @@ from mmpf.visibility.depth import Occluders, depth_table
 _SLOW_MPS = 1.0
 _LEAST_OF_NEWCOMERS = 0.1
 
+# A track with a detection within this time casts a shadow.
+_OCCLUDER_UNSEEN_S = 1.0
+_LIMITS = HypothesisLimits(most=10, least_weight=0.01)
+
 
 class PmbmOptions(RivalOptions):
     """Settings of the PMBM tracker."""
@@ -63,8 +67,6 @@ class PmbmOptions(RivalOptions):
     """Whether a hypothesis behind another track's shadow is less likely to be detected."""
     hidden_probability: Probability = 0.02
     """Detection probability of a vehicle in the shadows of other tracks."""
-    occluder_unseen_s: Positive = 1.0
-    """A track with a detection within this time casts a shadow."""
     vehicle: Footprint = Footprint()
     """Size of a vehicle where sizes are not measured."""
     longest_unseen_s: Positive = 10.0
@@ -73,10 +75,6 @@ class PmbmOptions(RivalOptions):
     """Existence probability from which a track is reported."""
     least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
     """A hypothesis with a lower existence probability (or a tenth of a new vehicle's) is dropped."""
-    most_hypotheses: Annotated[int, Field(ge=1, le=1000)] = 10
-    """Number of global hypotheses kept per group of dependent tracks."""
-    least_weight: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01
-    """A global hypothesis with a lower weight relative to the best is dropped."""
     alike_scans: Annotated[int, Field(ge=0, le=100)] = 5
     """Global hypotheses with identical assignments over this many scans are merged; 0 merges none.
     """
@@ -91,10 +89,9 @@ class Pmbm:
         chosen = options.detection_probability
         in_view = setting.sensor.detection_probability if chosen is None else chosen
         self._visibility = Visibility(setting.sensor, in_view, options.hidden_probability)
-        limits = HypothesisLimits(options.most_hypotheses, options.least_weight)
         newcomer_exists = options.newcomer_share / (1.0 + options.newcomer_share)
         least_existence = min(options.least_existence, _LEAST_OF_NEWCOMERS * newcomer_exists)
-        self._pruning = Pruning(options.gate_std, limits, least_existence, options.alike_scans)
+        self._pruning = Pruning(options.gate_std, _LIMITS, least_existence, options.alike_scans)
         self._time_s: float | None = None
         self._next_track_id = 1
         self._mixture = nothing(options.alike_scans)
@@ -155,7 +152,7 @@ class Pmbm:
         others, first = np.unique(singles.lives.track_id, return_index=True)
         bodiless = first[~np.isin(others, singles.lives.track_id[best])]
         likely = singles.existence[best] >= self._options.reported_existence
-        recent = scan.time_s - singles.lives.last_seen_s[best] <= self._options.occluder_unseen_s + TIME_TOLERANCE_S
+        recent = scan.time_s - singles.lives.last_seen_s[best] <= _OCCLUDER_UNSEEN_S + TIME_TOLERANCE_S
         casts_shadow = np.concatenate([recent & likely, np.zeros(len(bodiless), dtype=np.bool_)])
         best = np.concatenate([best, bodiless])
         bodies = Occluders(singles.size_m[best, 0], singles.size_m[best, 1], self._turn(mean[best]))
