@@ -41,6 +41,8 @@ SLOWEST_PASSING_MPS = 7.0
 OUT_OF_VIEW_PER_S, IN_SHADOW = 4.0, 0.1
 """Rate of vehicles that are first detected at the edge of a shadow or of the range, or in the first scan, and the
 factor on a rate deep in a shadow, where no vehicle should be detected."""
+RANGE_EDGE_M = 8.0
+"""Least width of the zone at the edge of the range."""
 FIRST_LOOK_S = 1.0
 """Time after the first scan until the vehicles in plain view have been detected."""
 SHADOW_EDGE_S = 0.5
@@ -173,9 +175,9 @@ def appearances_at(
         in_field = share_in_field(plane, lon + ahead_m, lat, half_width, situation.scan.free_space)
         return seen if in_field is None else np.minimum(seen, in_field)
 
-    here, newborn = visible(0.0), options.joint.newborn
+    here = visible(0.0)
     distance = plane.distance_m(lon, lat)
-    shares = known.reach.shares(options.joint.reach.prior_scans)
+    shares = known.reach.shares()
     watched = np.minimum(share_at(distance, shares, known.reach.ring_m), 1.0)
     # Who is rarely detected has not been found in the first scans.
     watched *= -np.expm1(-known.false_objects.since_start_s / FIRST_LOOK_S)
@@ -184,7 +186,7 @@ def appearances_at(
         """Return the degree of plain view for vehicles that pass the ego at a speed."""
         edge_m = SHADOW_EDGE_S * passing_mps
         before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
-        inside = np.clip((sensor.range_m - distance) / max(newborn.edge_m, edge_m) - 0.5, 0.0, 1.0)
+        inside = np.clip((sensor.range_m - distance) / max(RANGE_EDGE_M, edge_m) - 0.5, 0.0, 1.0)
         return (
             inside
             * watched

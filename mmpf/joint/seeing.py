@@ -46,7 +46,7 @@ def occlusion_of(
         in_field = share_in_field(plane, cloud.state[LON], cloud.state[LAT], half_width, situation.scan.free_space)
         visible = visible if in_field is None else np.minimum(visible, in_field)
         distance = plane.distance_m(cloud.state[LON], cloud.state[LAT])
-        shares = known.reach.shares(options.reach.prior_scans)
+        shares = known.reach.shares()
         probability = detection_probabilities(visible, distance, known.sensor, shares, detectability.hidden_probability)
     else:
         probability = np.full(len(cloud), detectability.fixed_probability)
@@ -83,7 +83,7 @@ def sightings_of(
     sources, mean = sources_of(prior), moments.mean
     expected = (1.0 - occlusion.run_probability) * mean_detectability(sources.kinds)
     distance_m = situation.plane.distance_m(mean[LON], mean[LAT])
-    shares = share_at(distance_m, known.reach.shares(options.reach.prior_scans), known.reach.ring_m)
+    shares = share_at(distance_m, known.reach.shares(), known.reach.ring_m)
     half_width = half_widths(sources.length_m, sources.width_m)
     in_field = share_in_field(situation.plane, mean[LON], mean[LAT], half_width, situation.scan.free_space)
     worth = (

@@ -37,8 +37,6 @@ class JointReach(Settings):
 
     learned: bool = True
     """Whether detection probability by distance is learned from counts; otherwise the data sheet applies everywhere."""
-    prior_scans: Positive = 20.0
-    """Weight of the data sheet in detections, for each ring around the sensor."""
 
 
 class JointAssociation(Settings):
@@ -119,8 +117,6 @@ class JointNewborn(Settings):
 
     overlooked_share: Probability = 0.3
     """Share of vehicles first detected in plain view that were missed before because they are hard to detect."""
-    edge_m: Positive = 8.0
-    """Least width of the zone at the edge of the range."""
 
 
 class JointFalseObjects(Settings):

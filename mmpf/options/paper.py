@@ -21,8 +21,6 @@ class PaperAssociation(Settings):
     """
     hit_gate_std: Positive = 4.5
     """A component that performs an update counts as detected if a detection is within this many standard deviations."""
-    shadowed_share: Probability = 0.85
-    """A component with at least this share of its extent in shadow counts as completely occluded."""
 
 
 class PaperExistence(Settings):
@@ -81,8 +79,6 @@ class PaperReclustering(Settings):
     """Components touch if their means are nearer than this along the road and ``lat_m`` across it."""
     lat_m: Positive = 2.5
     """See ``lon_m``."""
-    voters: Annotated[int, Field(ge=10)] = 200
-    """Number of particles of a group that determine the medoids; the others join the nearest one."""
     alike: bool = False
     """Whether all particles count equally, regardless of their weights and their component's weight."""
 

@@ -15,6 +15,8 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.options.paper import PaperReclustering
 
 ROUNDS = 10
+VOTERS = 200
+"""Number of particles of a group that determine the medoids; the others join the nearest one."""
 
 
 def recluster(
@@ -50,9 +52,7 @@ def recluster(
             continue
         particles = np.flatnonzero(np.isin(mixture.cloud.component, members))
         share = np.cumsum(np.exp(log_vote[particles] - log_vote[particles].max()))
-        voters = particles[
-            np.searchsorted(share, share[-1] * rng.uniform(size=options.voters)).clip(0, len(particles) - 1)
-        ]
+        voters = particles[np.searchsorted(share, share[-1] * rng.uniform(size=VOTERS)).clip(0, len(particles) - 1)]
         medoids = k_medoids(position[:, voters].T, (mean[[LON, LAT]] / scale)[:, members].T)
         component[particles] = members[cdist(position[:, particles].T, medoids).argmin(axis=1)]
         reclustered += len(members)

@@ -27,6 +27,9 @@ from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.range_profile import Reach
 from mmpf.visibility.shadows import shadowed_share, visible_fractions
 
+SHADOWED_SHARE = 0.85
+"""A component with at least this share of its extent in shadow counts as completely occluded."""
+
 
 @dataclass(frozen=True)
 class MaxLikelihoodUpdate:
@@ -73,7 +76,7 @@ class MaxLikelihoodUpdate:
         else:
             table = depth_table(plane, mean[LON], mean[LAT], np.ones(len(prior), dtype=np.bool_), bodies)
             shadowed = 1.0 - visible_fractions(plane, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
-        is_hidden = shadowed >= self.options.max_likelihood.association.shadowed_share
+        is_hidden = shadowed >= SHADOWED_SHARE
         probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
         return Occlusion(probability, np.zeros(len(prior)))
 

@@ -18,7 +18,7 @@ from pydantic import Field
 from mmpf.map.road import Road
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
-from mmpf.options.base import NotNegative, Positive, Probability, Settings, in_unit
+from mmpf.options.base import NotNegative, Positive, Settings, in_unit
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import HIDDEN, Tracks
 from mmpf.undetected.apart import BESIDE_LANE_M, Apart, offsets
@@ -34,6 +34,14 @@ CASTS_FROM = 0.5
 MIXED_AT_PER_M = 0.03
 # Longer steps are driven in several, so that no traffic drives farther than a cell.
 LONGEST_STEP_S, MOST_STEPS, MOST_EXCHANGED = 0.1, 100, 0.2
+DENSITY_GUESS_S, DENSITY_MEMORY_S = 0.5, 5.0
+"""The first guess of the density is worth what is seen in the first time; it is a mean over about the second."""
+DENSITY_WITHIN = 0.6
+"""Vehicles within this share of the range tell the density."""
+FLOW_LENGTH_M = 30.0
+"""The weight of a known vehicle's speed for the traffic around falls by e over this distance."""
+QUEUE_M, QUEUED = 60.0, 3.0
+"""So far before a stop line vehicles queue, and are so many times as dense as elsewhere."""
 
 
 class UnseenOptions(Settings):
@@ -41,12 +49,6 @@ class UnseenOptions(Settings):
 
     density_per_km: Positive = 20.0
     """Vehicles per kilometre of lane before any traffic was seen."""
-    density_guess_s: Positive = 0.5
-    """That guess is worth what is seen in this time."""
-    density_memory_s: Positive = 5.0
-    """The density is a mean over about this time."""
-    density_within: Probability = 0.6
-    """Vehicles within this share of the range tell the density."""
     settled_s: NotNegative = 0.3
     """Looks thin the field for good from then on: before, there is not yet a track of everything that hides others."""
     room_m: NotNegative = 5.0
@@ -55,8 +57,6 @@ class UnseenOptions(Settings):
     """The room around a known vehicle that drives is longer by what it drives in this time, on average,"""
     headway_std_s: NotNegative = 0.3
     """and drivers differ by so much."""
-    flow_length_m: Positive = 30.0
-    """The weight of a known vehicle's speed for the traffic around falls by e over this distance."""
     spread_m2_per_s: Annotated[NotNegative, in_unit("m²/s")] = 30.0
     """How fast the field spreads along a lane, since drivers differ in speed."""
     mixing_s: Positive = 3.0
@@ -64,16 +64,10 @@ class UnseenOptions(Settings):
     drivers' own ways, and by tracks that are confused. The rate grows with the third power of a place's
     usual density.
     """
-    queue_m: NotNegative = 60.0
-    """So far before a stop line vehicles queue,"""
-    queued: Positive = 3.0
-    """and are so many times as dense as elsewhere."""
     run_share: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.12
     """Expected share of time in runs of misses that no shadow explains."""
     run_s: Positive = 0.8
     """Mean length of such a run."""
-    reach_prior_scans: Positive = 20.0
-    """So many detections the data sheet counts for, where a tracker has learned how well its sensor sees."""
     length_m: Positive = 4.7
     """Length of the vehicle that is looked for."""
     width_m: Positive = 1.9
@@ -113,10 +107,10 @@ class UnseenTraffic:
 
     def __post_init__(self) -> None:
         self._cells, self._links = cells_of(self.road)
-        queued = np.where(self._cells.before_stop_m < self.options.queue_m, self.options.queued, 1.0)
+        queued = np.where(self._cells.before_stop_m < QUEUE_M, QUEUED, 1.0)
         self._usual_m = self._cells.length_m * self._cells.share * queued
         self._density_per_m = self.options.density_per_km / 1e3
-        self._learned_s = self.options.density_guess_s
+        self._learned_s = DENSITY_GUESS_S
         missed = self.options.run_share
         self._by_run = np.array([[1.0 - missed], [missed]])
         self._field_m = self._by_run * self._usual_m
@@ -143,7 +137,7 @@ class UnseenTraffic:
         if self._previous is not None:
             time_s, before = self._previous
             self._watched_s += scan.time_s - time_s
-            self._drive_on(near, apart.flow_mps(self.options.flow_length_m), scan.time_s - time_s)
+            self._drive_on(near, apart.flow_mps(FLOW_LENGTH_M), scan.time_s - time_s)
             self._take_in(near, _let_go(before, tracks))
         left = self._field_m[:, near]
         left[0] *= self._overlooked(cells, apart, plane, reach)
@@ -238,14 +232,14 @@ class UnseenTraffic:
         looked_for = np.full(len(cells), size - 1)
         visible = visible_fractions(plane, cells.lon_m, cells.lat_m, looked_for, bodies, table)
         distance = plane.distance_m(cells.lon_m, cells.lat_m)
-        shares = AS_PROMISED if reach is None else reach.shares(options.reach_prior_scans)
+        shares = AS_PROMISED if reach is None else reach.shares()
         detected = detection_probabilities(visible, distance, self.sensor, shares, 0.0)
         return 1.0 - detected
 
     def _learn_density(
         self, near: IntArray, expected: FloatArray, apart: Apart, plane: SensorPlane, dt_s: float
     ) -> None:
-        within_m = self.options.density_within * self.sensor.range_m
+        within_m = DENSITY_WITHIN * self.sensor.range_m
         inside = plane.distance_m(self._cells.lon_m[near], self._cells.lat_m[near]) <= within_m
         lane_m = float(self._usual_m[near][inside].sum())
         if lane_m <= 0.0:
@@ -254,7 +248,7 @@ class UnseenTraffic:
         counts = apart.known & (plane.distance_m(tracks.lon_m, tracks.lat_m) <= within_m)
         tracked = float(tracks.existence[counts].sum())
         seen_per_m = (1.0 + tracked + float(expected[inside].sum())) / lane_m
-        self._learned_s = min(self._learned_s + dt_s, self.options.density_memory_s)
+        self._learned_s = min(self._learned_s + dt_s, DENSITY_MEMORY_S)
         self._density_per_m += min(dt_s / self._learned_s, 1.0) * (seen_per_m - self._density_per_m)
 
 

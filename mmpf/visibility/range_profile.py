@@ -19,6 +19,8 @@ from mmpf.numerics.arrays import FloatArray
 RINGS = 10
 SHARE_BOUNDS = (0.05, 1.4)
 AS_PROMISED = np.ones(RINGS)
+PRIOR_SCANS = 20.0
+"""Expected detections that the data sheet itself counts for, in each ring."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,9 @@ class Reach:
         """Return the initial counts: nothing contradicts the data sheet."""
         return cls(range_m / RINGS, np.zeros(RINGS), np.zeros(RINGS))
 
-    def shares(self, prior_scans: float) -> FloatArray:
-        """Return the detection probability over the data sheet's in each ring, shape (rings,).
-
-        Args:
-            prior_scans: Expected detections that the data sheet itself counts for.
-        """
-        share = (self.detected + prior_scans) / (self.expected + prior_scans)
+    def shares(self) -> FloatArray:
+        """Return the detection probability over the data sheet's in each ring, shape (rings,)."""
+        share = (self.detected + PRIOR_SCANS) / (self.expected + PRIOR_SCANS)
         return np.asarray(np.clip(share, *SHARE_BOUNDS))
 
     def after(self, distance_m: FloatArray, expected: FloatArray, detected: FloatArray, kept: float) -> Self:

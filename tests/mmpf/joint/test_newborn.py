@@ -27,6 +27,7 @@ from mmpf.joint.known import Known
 from mmpf.joint.newborn import (
     LEAST_PRIOR,
     OUT_OF_VIEW_PER_S,
+    RANGE_EDGE_M,
     SHADOW_EDGE_S,
     SLOWEST_PASSING_MPS,
     Appearances,
@@ -248,7 +249,7 @@ def test_a_vehicle_that_stands_may_have_entered_the_range_at_the_egos_speed(ego_
     """Fast, the ego is far inside the range of a stopped car before the first detections of it."""
     lon = np.linspace(70.0, 99.5, 60)
     found = places_of([(each, LANE) for each in lon], belief_of([]), ego_mps=ego_mps)
-    zone_m = max(OPTIONS.newborn.edge_m, SHADOW_EDGE_S * ego_mps)
+    zone_m = max(RANGE_EDGE_M, SHADOW_EDGE_S * ego_mps)
     inside = np.clip((SENSOR.range_m - lon) / zone_m - 0.5, 0.0, 1.0)
     assert found.in_view_standing == pytest.approx(inside)
     assert (found.in_view > inside + 1e-9).any() == (ego_mps == 30.0)

@@ -77,6 +77,6 @@ def test_cars_that_drive_away_tell_the_filter_where_its_sensor_sees_worse() -> N
         seen = [(lon, lane_centre(lane)) for lane, lon in enumerate(away) if lon < 60.0 or rng.random() < 0.5]
         ego = ego_at(lon_m=2.0 * step)
         tracker.step(scan_of(0.1 * step, [(lon + 2.0 * step, lat) for lon, lat in seen], ego))
-    shares = tracker.reach.shares(20.0)
+    shares = tracker.reach.shares()
     assert shares[3:6].min() > 0.95
     assert shares[6:8].max() < 0.85

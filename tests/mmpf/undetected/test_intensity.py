@@ -13,7 +13,7 @@ from mmpf.map.lane_graph import without_map
 from mmpf.numerics.arrays import taken
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
-from mmpf.undetected.intensity import UnseenOptions, UnseenTraffic
+from mmpf.undetected.intensity import QUEUE_M, QUEUED, UnseenOptions, UnseenTraffic
 from mmpf.visibility.range_profile import Reach
 from tests.mmpf.map.scenes import graph_of
 
@@ -173,8 +173,8 @@ def test_before_a_stop_line_more_are_expected():
     unseen = UnseenTraffic(road, SensorModel(detection_probability=0.0), OPTIONS)
     told = unseen.step(Scan(0.0, NO_DETECTIONS, EgoPose(0.0, 30.0, 0.0, 10.0, 4.7, 1.9)), Tracks.none())
     per_m = told.expected / told.cells.length_m
-    queues = (told.cells.lon_m > -OPTIONS.queue_m) & (told.cells.lon_m < 0.0)
-    np.testing.assert_allclose(per_m[queues], OPTIONS.queued * per_m[~queues].mean())
+    queues = (told.cells.lon_m > -QUEUE_M) & (told.cells.lon_m < 0.0)
+    np.testing.assert_allclose(per_m[queues], QUEUED * per_m[~queues].mean())
     assert np.ptp(per_m[~queues]) < 1e-12
 
 

@@ -86,6 +86,10 @@ class MeasuredHypotheses:
     first: tuple[Lives, GaussianStates]
 
 
+COUNTED_EXISTENCE = 0.1
+"""Who exists with less than this probability makes no difference to which hypotheses are alike."""
+
+
 @dataclass(frozen=True)
 class Pruning:
     """What is left out.
@@ -95,14 +99,12 @@ class Pruning:
         alike_scans: Global hypotheses by which, whatever the tracks' identities, the same vehicles had the same
             detections for so many scans are one, with the identities of the best of them; 0 keeps them apart. After so
             long their densities are nearly the same, and no later scan can tell which is right.
-        counted_existence: Who exists with less than this probability makes no difference to that.
     """
 
     gate_std: float
     limits: HypothesisLimits
     least_existence: float
     alike_scans: int = 0
-    counted_existence: float = 0.1
 
 
 def nothing(scans: int = 0) -> HypothesisMixture:
@@ -132,7 +134,7 @@ def updated_mixture(mixture: HypothesisMixture, measured: MeasuredHypotheses, pr
     ]
     after = _singles_after(singles, keys, measured)
     if pruning.alike_scans:
-        told = _told(after, pruning.counted_existence)
+        told = _told(after)
         clusters = [united(cluster, told) if len(cluster.rows) > 1 else cluster for cluster in clusters]
     return without(HypothesisMixture(after, tuple(clusters)), after.existence < pruning.least_existence)
 
@@ -151,9 +153,9 @@ def survived(mixture: HypothesisMixture, probability: float) -> HypothesisMixtur
     return replace(mixture, singles=singles)
 
 
-def _told(singles: Singles, counted_existence: float) -> list[tuple[int, ...] | None]:
+def _told(singles: Singles) -> list[tuple[int, ...] | None]:
     """Return the recent detections of each single hypothesis; its track where it has none."""
-    counts = (singles.existence >= counted_existence).tolist()
+    counts = (singles.existence >= COUNTED_EXISTENCE).tolist()
     return [
         (tuple(recent) if max(recent) != NOBODY else (number,)) if is_counted else None
         for recent, number, is_counted in zip(
