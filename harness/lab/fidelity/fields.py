@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,37 +32,28 @@ FIELD_FILES = {
 
 @dataclass(frozen=True)
 class Fields:
-    """Traffic on cells of road and time, each array of shape (cells, bins), row 0 upstream, all lanes together.
+    """Traffic on cells of ``CELL_M`` and ``BIN_S``, each array of shape (cells, bins), row 0 upstream, all lanes.
 
     Attributes:
         speed_mps: Space-mean speed; nan where no vehicle was.
         flow_veh_per_s: Flow.
         density_veh_per_m: Density.
-        cell_m: Length of a cell.
-        bin_s: Duration of a cell.
     """
 
     speed_mps: FloatArray
     flow_veh_per_s: FloatArray
     density_veh_per_m: FloatArray
-    cell_m: float = CELL_M
-    bin_s: float = BIN_S
 
     @property
     def duration_s(self) -> float:
         """Time that the fields cover."""
-        return float(self.speed_mps.shape[1] * self.bin_s)
+        return float(self.speed_mps.shape[1] * BIN_S)
 
     def between(self, start_s: float, end_s: float) -> Fields:
         """Return the bins that begin within a time, ``end_s`` excluded."""
-        begins = np.arange(self.speed_mps.shape[1]) * self.bin_s
+        begins = np.arange(self.speed_mps.shape[1]) * BIN_S
         chosen = (begins >= start_s - 1e-9) & (begins < end_s - 1e-9)
-        return replace(
-            self,
-            speed_mps=self.speed_mps[:, chosen],
-            flow_veh_per_s=self.flow_veh_per_s[:, chosen],
-            density_veh_per_m=self.density_veh_per_m[:, chosen],
-        )
+        return Fields(*(values[:, chosen] for values in (self.speed_mps, self.flow_veh_per_s, self.density_veh_per_m)))
 
 
 def fields_from_frames(frames: Iterable[Frame], step_s: float, cells: int = CELLS) -> Fields:

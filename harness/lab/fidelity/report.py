@@ -12,7 +12,7 @@ from harness.common.errors import InputError
 from harness.common.files import save_figure, write_text
 from harness.common.markdown import markdown_table
 from harness.lab.fidelity.comparison import Distance, Fidelity, Period
-from harness.lab.fidelity.fields import Fields
+from harness.lab.fidelity.fields import CELL_M, Fields
 from harness.lab.fidelity.samples import UNITS
 from harness.lab.fidelity.statistics import Target
 from mmpf.numerics.arrays import FloatArray
@@ -126,7 +126,7 @@ def speed_fields(demand: str, simulated: Fields, recorded: Fields) -> Figure:
     figure = Figure(figsize=(12.0, 4.0), dpi=120, layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for axes, fields, title in zip(panels, (recorded, simulated), ("recorded", "simulated, one seed"), strict=True):
-        extent = (0.0, fields.duration_s / 60.0, 0.0, fields.speed_mps.shape[0] * fields.cell_m)
+        extent = (0.0, fields.duration_s / 60.0, 0.0, fields.speed_mps.shape[0] * CELL_M)
         image = axes.imshow(
             fields.speed_mps,
             origin="lower",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.lab.fidelity.fields import Fields
+from harness.lab.fidelity.fields import BIN_S, CELL_M, Fields
 from mmpf.numerics.arrays import FloatArray
 
 QUARTERS = 4
@@ -67,7 +67,7 @@ def period_statistics(pieces: Sequence[Fields], lanes: int = MAIN_LANES) -> Peri
         quarter_speed_mps=tuple(float(q.mean() / k.mean()) for q, k in quarters),
         quarter_flow_veh_per_h=tuple(float(3600.0 * q.mean()) for q, _ in quarters),
         share_below_4mps=float(np.nanmean(speed < SLOW_MPS)),
-        wave_mps=wave_speed([piece.speed_mps for piece in pieces], pieces[0].cell_m, pieces[0].bin_s),
+        wave_mps=wave_speed([piece.speed_mps for piece in pieces], CELL_M, BIN_S),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.lab.fit.mixture_em import fit_mixture
-from harness.lab.fit.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
+from harness.lab.fit.recovery import FollowingRecords, demonstrated_samples, recovery_samples
 from harness.lab.windows.car_following import CarFollowing
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
@@ -66,11 +66,10 @@ def fit_follower(
     habit = driver_habit(led)
     records = following_records(led, habit, step_s)
     progress(f"fitting {components} components to {FOLLOWING_SAMPLES} samples of {len(led)} windows")
-    gains = RecoveryGains()
-    samples = recovery_samples(records, FOLLOWING_SAMPLES, gains, rng)
+    samples = recovery_samples(records, FOLLOWING_SAMPLES, rng)
     first = fit_mixture(samples.x, samples.y, components, seed)
     progress("adding the states that the fitted model reaches, and fitting again")
-    demonstrated = demonstrated_samples(records, first, ROLLOUTS, gains, rng)
+    demonstrated = demonstrated_samples(records, first, ROLLOUTS, rng)
     both = joined(samples, demonstrated)
     following = fit_mixture(both.x, both.y, components, seed)
     return MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)

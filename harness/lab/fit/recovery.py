@@ -23,21 +23,8 @@ SPREAD_OF_LOG_SPREAD = 0.5
 LEAST_GAP_LEFT_M = 0.5
 FURTHEST_ASTRAY_M = 15.0
 KEEP_EVERY_STEP = 3
-
-
-@dataclass(frozen=True)
-class RecoveryGains:
-    """How the way back to the recorded trajectory is demonstrated: accelerations per metre and per m/s astray.
-
-    Attributes:
-        position_per_s2: Acceleration asked for per metre astray.
-        speed_per_s: Acceleration asked for per m/s astray.
-        lag_per_s: Rate at which acceleration approaches what is asked for.
-    """
-
-    position_per_s2: float = 0.05
-    speed_per_s: float = 0.4
-    lag_per_s: float = 1.5
+ASKED_PER_S2, ASKED_PER_S, LAG_PER_S = 0.05, 0.4, 1.5
+"""The way back: acceleration asked for per metre and per m/s astray, and the rate at which it is approached."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +48,7 @@ class RecoverySamples:
     y: FloatArray
 
 
-def recovery_samples(
-    records: FollowingRecords, count: int, gains: RecoveryGains, rng: np.random.Generator
-) -> RecoverySamples:
+def recovery_samples(records: FollowingRecords, count: int, rng: np.random.Generator) -> RecoverySamples:
     """Draw samples of the records, most of them perturbed and labelled with the way back."""
     windows, steps = records.gap_m.shape
     window, step = rng.integers(windows, size=count), rng.integers(steps - 1, size=count)
@@ -76,12 +61,12 @@ def recovery_samples(
     accel = records.accel_mps2[window, step] + perturbed * ACCEL_SPREAD_MPS2 * rng.standard_normal(count)
     x = _inputs(records, window, step, recorded_gap - astray_m, speed, accel)
     recorded_next = records.accel_mps2[window, step + 1]
-    back = _way_back(accel, recorded_next, astray_m, speed - recorded_speed, gains, records.step_s)
+    back = _way_back(accel, recorded_next, astray_m, speed - recorded_speed, records.step_s)
     return RecoverySamples(x, np.where(perturbed, back, recorded_next)[:, None])
 
 
 def demonstrated_samples(
-    records: FollowingRecords, model: ScaledGmm, rollouts: int, gains: RecoveryGains, rng: np.random.Generator
+    records: FollowingRecords, model: ScaledGmm, rollouts: int, rng: np.random.Generator
 ) -> RecoverySamples:
     """Roll the model out behind the leaders of some windows and label the states that it reaches with the way back.
 
@@ -97,7 +82,7 @@ def demonstrated_samples(
         if step % KEEP_EVERY_STEP == 0:
             recorded_next = records.accel_mps2[window, step + 1]
             away = speed - records.speed_mps[window, step]
-            back = _way_back(accel, recorded_next, astray_m, away, gains, records.step_s)
+            back = _way_back(accel, recorded_next, astray_m, away, records.step_s)
             kept = (np.abs(astray_m) < FURTHEST_ASTRAY_M) & (gap > SMALLEST_GAP_M)
             inputs.append(x[kept])
             outputs.append(back[kept, None])
@@ -126,8 +111,7 @@ def _way_back(
     recorded_next: FloatArray,
     astray_m: FloatArray,
     speed_astray: FloatArray,
-    gains: RecoveryGains,
     step_s: float,
 ) -> FloatArray:
-    wanted = recorded_next - gains.position_per_s2 * astray_m - gains.speed_per_s * speed_astray
-    return accel + gains.lag_per_s * step_s * (wanted - accel)
+    wanted = recorded_next - ASKED_PER_S2 * astray_m - ASKED_PER_S * speed_astray
+    return accel + LAG_PER_S * step_s * (wanted - accel)

@@ -24,7 +24,7 @@ from harness.lab.fit.driver_fit import (
 )
 from harness.lab.fit.empirical_fit import QUANTILES, fit_empirical
 from harness.lab.fit.mixture_em import START_SAMPLES, SizeScore, sweep_sizes
-from harness.lab.fit.recovery import RecoveryGains, recovery_samples
+from harness.lab.fit.recovery import recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.lab.windows.car_following import STEPS, CarFollowing, load_following
 from harness.lab.windows.cases import cases_of, lane_change_cases
@@ -148,7 +148,7 @@ def _train_keeping(
     held_led = held_out.take(np.flatnonzero(held_out.has_leader))
     short_x, short_y = _some(*short_samples(held_led), HELD_OUT_SAMPLES, rng)
     records = following_records(held_led, driver_habit(held_led), STEP_S)
-    asked = recovery_samples(records, HELD_OUT_SAMPLES, RecoveryGains(), rng)
+    asked = recovery_samples(records, HELD_OUT_SAMPLES, rng)
     sizes = ([], []) if not plan.sweep else _keeping_sweeps(plan, led, say, rng)
     facts = _facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1))
     own_fit = f"{follower.following.log_density(asked.x, asked.y).mean():.3f} nats (acceleration, recovery samples)"
@@ -253,7 +253,7 @@ def _keeping_sweeps(
     plan: TrainingPlan, led: CarFollowing, say: Say, rng: np.random.Generator
 ) -> tuple[list[SizeScore], list[SizeScore]]:
     records = following_records(led, driver_habit(led), STEP_S)
-    own = recovery_samples(records, SWEEP_SAMPLES, RecoveryGains(), rng)
+    own = recovery_samples(records, SWEEP_SAMPLES, rng)
     short_x, short_y = _some(*short_samples(led), SWEEP_SAMPLES, rng)
     swept = SWEPT[LANE_KEEPING]
     return (

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
+from mmpf.joint import newborn
 from mmpf.joint.false_objects import IN_VIEW_PER_S, FalseObjects
 from mmpf.joint.kinds import (
     DETECTABILITY,
@@ -24,16 +25,7 @@ from mmpf.joint.kinds import (
     vehicle_share,
 )
 from mmpf.joint.known import Known
-from mmpf.joint.newborn import (
-    LEAST_PRIOR,
-    OUT_OF_VIEW_PER_S,
-    RANGE_EDGE_M,
-    SHADOW_EDGE_S,
-    SLOWEST_PASSING_MPS,
-    Appearances,
-    appearances_at,
-    kinds_at_birth,
-)
+from mmpf.joint.newborn import SLOWEST_PASSING_MPS, Appearances, appearances_at, kinds_at_birth
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
@@ -89,10 +81,10 @@ def test_priors_sum_to_one_and_leave_both_kinds_possible(
     assert kinds.shape == (1, *SHAPE)
     assert (kinds >= 0.0).all()
     assert kinds.sum() == pytest.approx(1.0)
-    assert LEAST_PRIOR - 1e-9 <= share_of(kinds) <= 1.0 - LEAST_PRIOR + 1e-9
+    assert newborn.LEAST_PRIOR - 1e-9 <= share_of(kinds) <= 1.0 - newborn.LEAST_PRIOR + 1e-9
 
 
-@pytest.mark.parametrize(("in_view", "vehicles_per_s"), [(0.0, OUT_OF_VIEW_PER_S), (1.0, IN_VIEW_PER_S)])
+@pytest.mark.parametrize(("in_view", "vehicles_per_s"), [(0.0, newborn.OUT_OF_VIEW_PER_S), (1.0, IN_VIEW_PER_S)])
 @pytest.mark.parametrize(("number", "watched_s"), [(0.0, 0.0), (10.0, 20.0), (60.0, 30.0)])
 def test_vehicles_and_false_objects_compete_by_how_many_of_each_appear(
     in_view: float, vehicles_per_s: float, number: float, watched_s: float
@@ -100,7 +92,7 @@ def test_vehicles_and_false_objects_compete_by_how_many_of_each_appear(
     prior_s = OPTIONS.false_objects.prior_watched_s
     first = OPTIONS.false_objects.birth_share * SENSOR.clutter_per_scan
     false_per_s = (prior_s * first + number) / (prior_s + watched_s)
-    expected = np.clip(vehicles_per_s / (vehicles_per_s + false_per_s), LEAST_PRIOR, 1.0 - LEAST_PRIOR)
+    expected = np.clip(vehicles_per_s / (vehicles_per_s + false_per_s), newborn.LEAST_PRIOR, 1.0 - newborn.LEAST_PRIOR)
     assert share_of(born(in_view, learned=counted(number, watched_s))) == pytest.approx(expected)
 
 
@@ -111,7 +103,7 @@ def test_the_first_scans_prior_is_that_of_places_that_nobody_had_been_looking_at
 
 
 def test_with_no_false_object_for_long_what_appears_in_plain_view_is_a_vehicle() -> None:
-    assert share_of(born(1.0, learned=counted(0.0, 1e4))) > 1.0 - LEAST_PRIOR - 0.03
+    assert share_of(born(1.0, learned=counted(0.0, 1e4))) > 1.0 - newborn.LEAST_PRIOR - 0.03
 
 
 @given(shares, st.floats(0.0, 100.0), st.floats(0.0, 100.0))
@@ -195,7 +187,7 @@ def test_who_has_just_come_out_of_a_shadow_would_not_have_been_known_before() ->
     found = places_of([(each, lane_centre(4)) for each in lon], front)
     first_hidden = lon[found.seen_share < 0.05].min()
     in_view = lon[found.in_view == 1.0]
-    before, edge_m = in_view[in_view < first_hidden].max(), SHADOW_EDGE_S * SLOWEST_PASSING_MPS
+    before, edge_m = in_view[in_view < first_hidden].max(), newborn.SHADOW_EDGE_S * SLOWEST_PASSING_MPS
     assert edge_m <= first_hidden - before <= edge_m + 2.0 * 4.7
     at_edge = found.in_view[(lon >= first_hidden - edge_m) & (lon < first_hidden)]
     assert (at_edge == 0.0).all()
@@ -239,7 +231,7 @@ def test_a_vehicle_that_stands_may_have_come_out_of_a_shadow_at_the_egos_speed()
     assert (ratio >= 1.0).all()
     beyond = (found.in_view == 1.0) & (found.in_view_standing == 0.0)
     assert beyond.any()
-    most = OUT_OF_VIEW_PER_S / IN_VIEW_PER_S
+    most = newborn.OUT_OF_VIEW_PER_S / IN_VIEW_PER_S
     assert ratio[beyond] == pytest.approx(most)
     assert ratio[found.in_view_standing == found.in_view] == pytest.approx(1.0)
 
@@ -249,7 +241,7 @@ def test_a_vehicle_that_stands_may_have_entered_the_range_at_the_egos_speed(ego_
     """Fast, the ego is far inside the range of a stopped car before the first detections of it."""
     lon = np.linspace(70.0, 99.5, 60)
     found = places_of([(each, LANE) for each in lon], belief_of([]), ego_mps=ego_mps)
-    zone_m = max(RANGE_EDGE_M, SHADOW_EDGE_S * ego_mps)
+    zone_m = max(newborn.RANGE_EDGE_M, newborn.SHADOW_EDGE_S * ego_mps)
     inside = np.clip((SENSOR.range_m - lon) / zone_m - 0.5, 0.0, 1.0)
     assert found.in_view_standing == pytest.approx(inside)
     assert (found.in_view > inside + 1e-9).any() == (ego_mps == 30.0)

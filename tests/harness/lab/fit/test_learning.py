@@ -3,7 +3,7 @@
 import numpy as np
 
 from harness.lab.fit.mixture_em import fit_mixture, sweep_sizes
-from harness.lab.fit.recovery import FollowingRecords, RecoveryGains, demonstrated_samples, recovery_samples
+from harness.lab.fit.recovery import FollowingRecords, demonstrated_samples, recovery_samples
 
 STEP_S = 0.1
 
@@ -55,7 +55,7 @@ def steady_records(windows=200, steps=60):
 
 
 def test_who_is_too_near_is_told_to_slow_down_and_who_is_too_far_to_speed_up():
-    samples = recovery_samples(steady_records(), 5000, RecoveryGains(), np.random.default_rng(2))
+    samples = recovery_samples(steady_records(), 5000, np.random.default_rng(2))
     astray = np.exp(samples.x[:, 0]) - (1.5 * (samples.x[:, 1] - samples.x[:, 3]) + 2.0)
     still = np.abs(samples.x[:, 3]) < 0.3
     change = samples.y[:, 0] - samples.x[:, 2]
@@ -68,7 +68,7 @@ def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
     monkeypatch.setattr("harness.lab.fit.recovery.PERTURBED_SHARE", 1.0)
     records = steady_records()
     rng = np.random.default_rng(3)
-    samples = recovery_samples(records, 8000, RecoveryGains(), rng)
+    samples = recovery_samples(records, 8000, rng)
     model = fit_mixture(samples.x, samples.y, 4, seed=0)
     speed, accel, astray = records.speed_mps[:, 0].copy(), np.zeros(200), np.full(200, 2.0)
     for _ in range(300):
@@ -85,6 +85,6 @@ def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
         astray += STEP_S * (speed + 0.5 * STEP_S * accel - records.speed_mps[:, 0])
         speed = speed + STEP_S * accel
     assert np.abs(astray).mean() < 1.0
-    reached = demonstrated_samples(records, model, 50, RecoveryGains(), rng)
+    reached = demonstrated_samples(records, model, 50, rng)
     assert reached.x.shape[1] == 6
     assert np.isfinite(reached.y).all()
