@@ -17,7 +17,7 @@ NONE = np.zeros(0, dtype=np.bool_)
 # Nothing on wheels gets farther from one row to its next; more than so small a share of rows that do is no slip.
 LEAP_MPS, LEAP_M, MOST_ODD = 80.0, 1.0, 0.004
 # Nor more aside than ahead when it is this fast, nor about so far in so short a time; no recording car backs so fast.
-ASIDE_MPS, BACK_MPS, ROUGH_M, TURN_RAD, TURN_S = 10.0, 8.0, 0.5, math.radians(35.0), 0.2
+ASIDE_MPS, EGO_ASIDE_MPS, BACK_MPS, ROUGH_M, TURN_RAD, TURN_S = 10.0, 3.0, 8.0, 0.5, math.radians(35.0), 0.2
 TWICE = "is there twice"
 
 
@@ -167,7 +167,7 @@ def check_moves(
     kinds = {
         TWICE: step_s == 0.0,
         "leaps": far_m > LEAP_MPS * step_s + LEAP_M,
-        "goes aside": aside & (far_m > ASIDE_MPS * step_s + ROUGH_M) & (step_s <= 1.0),
+        "goes aside": aside & (far_m > (EGO_ASIDE_MPS if is_ego else ASIDE_MPS) * step_s + ROUGH_M) & (step_s <= 1.0),
         "turns at once": (np.abs(np.sin(turned)) > math.sin(TURN_RAD)) & (step_s <= TURN_S),
         "goes backwards": is_ego & (ahead_m < -BACK_MPS * step_s - ROUGH_M),
     }

@@ -45,11 +45,12 @@ def write_page(folder: Path) -> Path:
     """
     if not folder.is_dir():
         raise InputError(f"`folder`: there is no folder {folder}")
-    if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
-        with sound_tables(folder, "folder"):
+    with sound_tables(folder, "folder"):
+        if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
             return write_run_page(folder)
+        text = folder_page(folder)
     page = page_of(folder)
-    write_text(page, folder_page(folder))
+    write_text(page, text)
     ownership.add(folder, [page])
     return page
 
