@@ -28,6 +28,10 @@ def tracks_of(rows: list[tuple[int, float, float, float, int]]) -> Tracks:
     )
 
 
+Row = tuple[int, float, float, float, int]
+COASTING, NEAR = (1, 140.0, 5.0, 1.5, HIDDEN), (2, 143.0, 5.0, 0.3, CONFIRMED)
+
+
 def sightings(first_s: list[float], last_s: list[float]) -> LastSightings:
     return LastSightings(np.array(first_s, dtype=float), np.array(last_s, dtype=float))
 
@@ -57,35 +61,20 @@ def test_a_new_track_where_an_ended_one_would_be_takes_its_identity():
 
 
 @pytest.mark.parametrize(
-    "new",
+    ("old", "new", "seen"),
     [
-        pytest.param((2, 144.0, 8.7, 0.3, CONFIRMED), id="in the next lane"),
-        pytest.param((2, 160.0, 5.0, 0.3, CONFIRMED), id="too far ahead"),
+        pytest.param(COASTING, (2, 144.0, 8.7, 0.3, CONFIRMED), ([0.0, 2.8], [1.0, 3.0]), id="in the next lane"),
+        pytest.param(COASTING, (2, 160.0, 5.0, 0.3, CONFIRMED), ([0.0, 2.8], [1.0, 3.0]), id="too far ahead"),
+        pytest.param((1, 140.0, 5.0, 0.3, CONFIRMED), NEAR, ([0.0, 2.8], [3.0, 3.0]), id="the old one is still seen"),
+        pytest.param(COASTING, NEAR, ([0.0, 1.0], [2.7, 3.0]), id="the old one was seen long after it began"),
     ],
 )
-def test_a_new_track_elsewhere_keeps_its_own_identity(new: tuple[int, float, float, float, int]):
+def test_a_new_track_that_is_another_vehicle_keeps_its_own_identity(old: Row, new: Row, seen: tuple[list[float], ...]):
     stitcher = IdentityStitcher(StitchingOptions())
     hide_track_1(stitcher)
-    both = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), new])
-    stitched = stitcher.stitch(both, sightings([0.0, 2.8], [1.0, 3.0]), 3.0)
+    stitched = stitcher.stitch(tracks_of([old, new]), sightings(*seen), 3.0)
     assert stitched.tracks.track_id.tolist() == [1, 2]
     assert stitched.replaced.tolist() == []
-
-
-def test_a_track_that_is_still_seen_is_never_replaced():
-    stitcher = IdentityStitcher(StitchingOptions())
-    hide_track_1(stitcher)
-    both = tracks_of([(1, 140.0, 5.0, 0.3, CONFIRMED), (2, 143.0, 5.0, 0.3, CONFIRMED)])
-    stitched = stitcher.stitch(both, sightings([0.0, 2.8], [3.0, 3.0]), 3.0)
-    assert stitched.tracks.track_id.tolist() == [1, 2]
-
-
-def test_a_track_that_was_seen_long_after_the_new_one_began_is_another_vehicle():
-    stitcher = IdentityStitcher(StitchingOptions())
-    hide_track_1(stitcher)
-    both = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), (2, 143.0, 5.0, 0.3, CONFIRMED)])
-    stitched = stitcher.stitch(both, sightings([0.0, 1.0], [2.7, 3.0]), 3.0)
-    assert stitched.tracks.track_id.tolist() == [1, 2]
 
 
 def test_one_lost_identity_goes_to_the_nearer_of_two_new_tracks():

@@ -52,6 +52,11 @@ def follow(name: str, scans: list[LabelledScan], seed: int = 0, **options: objec
     return [tracker.step(labelled.scan) for labelled in scans]
 
 
+def with_columns(labelled: LabelledScan, **columns: np.ndarray) -> LabelledScan:
+    detections = replace(labelled.scan.detections, **columns)
+    return replace(labelled, scan=replace(labelled.scan, detections=detections))
+
+
 def fingerprint(name: str) -> str:
     scans = scripted_scans(CARS, times(2.0), np.random.default_rng(1), 0.9, 2.0)
     digest = hashlib.sha256()
@@ -85,16 +90,7 @@ def test_a_track_without_update_for_half_a_second_is_hidden_and_then_ends(name: 
 def test_noise_that_a_detection_reports_decides_how_much_it_counts():
     car = ScriptedCar("car", EGO_START_M + 20.0)
     precise = scripted_scans([car], times(1.0), np.random.default_rng(4))
-    vague = [
-        replace(
-            labelled,
-            scan=replace(
-                labelled.scan,
-                detections=replace(labelled.scan.detections, std_lon_m=3.0 * labelled.scan.detections.std_lon_m),
-            ),
-        )
-        for labelled in precise
-    ]
+    vague = [with_columns(each, std_lon_m=3.0 * each.scan.detections.std_lon_m) for each in precise]
     one, other = (follow("stonesoup-jpda", scans)[-1] for scans in (precise, vague))
     assert other.std_lon_m[0] > 1.5 * one.std_lon_m[0]
     by_option = follow("stonesoup-jpda", precise, noise_factor=3.0)[-1]
@@ -105,16 +101,7 @@ def test_noise_that_a_detection_reports_decides_how_much_it_counts():
 def test_a_measured_speed_is_used(name: str):
     car = ScriptedCar("car", EGO_START_M + 20.0, speed_mps=31.0)
     labelled = scripted_scans([car], times(0.3), np.random.default_rng(5))
-    with_speed = [
-        replace(
-            each,
-            scan=replace(
-                each.scan,
-                detections=replace(each.scan.detections, speed_mps=np.array([31.0]), std_speed_mps=np.array([0.1])),
-            ),
-        )
-        for each in labelled
-    ]
+    with_speed = [with_columns(each, speed_mps=np.array([31.0]), std_speed_mps=np.array([0.1])) for each in labelled]
     last = follow(name, with_speed)[-1]
     assert last.speed_mps[0] == pytest.approx(31.0, abs=0.5)
     assert last.std_speed_mps[0] < 0.6

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.idm import idm_acceleration
 from mmpf.motion.learned.driver import FOLLOWER, recurrent_driver
-from mmpf.motion.learned.recurrent import NOISE, load_recurrent, save_recurrent
+from mmpf.motion.learned.recurrent import NOISE
 from mmpf.motion.learned.residual import IDM_RANGE_MPS2, USUAL_DRIVER
 from mmpf.motion.state import ACCEL, SPEED
 from tests.mmpf.motion.surroundings import around, states, vehicle
@@ -93,18 +92,3 @@ def test_a_driver_drawn_anew_keeps_the_memory_of_what_was_seen():
     anew = (drawn[FOLLOWER : FOLLOWER + NOISE] != latents[FOLLOWER : FOLLOWER + NOISE]).any(axis=0)
     assert anew.any()
     np.testing.assert_array_equal(drawn[FOLLOWER + NOISE :], memory)
-
-
-def test_a_network_is_read_back_as_it_was_written(follower, tmp_path):
-    save_recurrent(tmp_path / "own.npz", follower.network)
-    for mine, read in zip(follower.network, load_recurrent(tmp_path / "own.npz").network, strict=True):
-        np.testing.assert_array_equal(mine, read)
-
-
-@pytest.mark.parametrize(("name", "value"), [("u", np.zeros((3, 2))), ("scale", np.zeros(5)), ("lag", np.zeros(1))])
-def test_a_file_that_holds_no_network_is_refused(name, value, follower, tmp_path):
-    path = tmp_path / "own.npz"
-    save_recurrent(path, follower.network)
-    save_arrays(path, load_arrays(path, "recurrent") | {name: value})
-    with pytest.raises(ModelFileError, match=name):
-        load_recurrent(path)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.motion.idm import idm_acceleration
 from mmpf.motion.learned.driver import residual_driver
 from mmpf.motion.learned.residual import (
@@ -11,8 +10,6 @@ from mmpf.motion.learned.residual import (
     TIME_SCALES_S,
     USUAL_DRIVER,
     ResidualFollower,
-    load_residual,
-    save_residual,
 )
 from mmpf.motion.state import ACCEL, SPEED
 from tests.mmpf.motion.surroundings import states, vehicle
@@ -54,21 +51,6 @@ def test_noise_keeps_its_spread_and_lasts_as_long_as_it_should(follower):
     for row, scale_s in enumerate(TIME_SCALES_S, start=1):
         assert after[row].std() == pytest.approx(1.0, abs=0.05)
         assert np.corrcoef(before[row], after[row])[0, 1] == pytest.approx(np.exp(-2.0 / scale_s), abs=0.05)
-
-
-def test_a_network_is_read_back_as_it_was_written(follower, tmp_path):
-    save_residual(tmp_path / "own.npz", follower.network)
-    for mine, read in zip(follower.network, load_residual(tmp_path / "own.npz").network, strict=True):
-        np.testing.assert_array_equal(mine, read)
-
-
-@pytest.mark.parametrize(("name", "value"), [("w2", np.zeros((3, 2))), ("scale", np.zeros(6)), ("lag", np.zeros(1))])
-def test_a_file_that_holds_no_network_is_refused(name, value, follower, tmp_path):
-    path = tmp_path / "own.npz"
-    save_residual(path, follower.network)
-    save_arrays(path, load_arrays(path, "residual") | {name: value})
-    with pytest.raises(ModelFileError, match=name):
-        load_residual(path)
 
 
 def test_a_driver_without_a_leader_has_the_usual_headway(follower):

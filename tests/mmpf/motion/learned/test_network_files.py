@@ -1,0 +1,39 @@
+"""Files of fitted networks: read back as written, and refused where damaged."""
+
+import numpy as np
+import pytest
+
+from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
+from mmpf.motion.learned.driver import recurrent_driver, residual_driver
+from mmpf.motion.learned.recurrent import load_recurrent, save_recurrent
+from mmpf.motion.learned.residual import load_residual, save_residual
+
+KINDS = {
+    "recurrent": (recurrent_driver, save_recurrent, load_recurrent),
+    "residual": (residual_driver, save_residual, load_residual),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_network_is_read_back_as_it_was_written(kind, tmp_path):
+    driver, save, load = KINDS[kind]
+    network = driver().model.follower.network
+    save(tmp_path / "own.npz", network)
+    for mine, read in zip(network, load(tmp_path / "own.npz").network, strict=True):
+        np.testing.assert_array_equal(mine, read)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [
+        *(("recurrent", name, np.zeros(shape)) for name, shape in (("u", (3, 2)), ("scale", 5), ("lag", 1))),
+        *(("residual", name, np.zeros(shape)) for name, shape in (("w2", (3, 2)), ("scale", 6), ("lag", 1))),
+    ],
+)
+def test_a_file_that_holds_no_network_is_refused(kind, name, value, tmp_path):
+    driver, save, load = KINDS[kind]
+    path = tmp_path / "own.npz"
+    save(path, driver().model.follower.network)
+    save_arrays(path, load_arrays(path, kind) | {name: value})
+    with pytest.raises(ModelFileError, match=name):
+        load(path)
