@@ -126,3 +126,13 @@ def rewrite(folder: Path, name: str, table: pd.DataFrame) -> None:
     write_table(table, folder / name)
     manifest = json.loads((folder / runfolder.MANIFEST).read_text())
     (folder / runfolder.MANIFEST).write_text(json.dumps(manifest | {"rows": rows_of(folder), "files_sha256": {}}))
+
+
+def write_lost_and_kept(folder: Path) -> tuple[Path, Path]:
+    """Write a run that loses *far*, and one on the same detections that follows it 1 m ahead all the time."""
+    lost, kept = (write_recorded_scene(folder / name) for name in ("lost", "kept"))
+    errors = pd.read_parquet(kept / runfolder.ERRORS).astype({"outcome": object})
+    far = (errors["vehicle_id"] == "far").to_numpy()
+    errors.loc[far, ["track_id", "lon_error_m", "lat_error_m", "outcome"]] = [2, 1.0, 0.0, "tracked"]
+    rewrite(kept, runfolder.ERRORS, errors)
+    return lost, kept

@@ -18,10 +18,10 @@ from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError
 from harness.grid.grid import GridRequest
-from harness.grid.worker import Finished, work_on_cell
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from harness.storage.tables import write_table
+from tests.harness.grid.executors import InProcess
 from tests.harness.stand_ins import SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
@@ -289,12 +289,7 @@ def small_suite(monkeypatch) -> None:
     monkeypatch.setattr("harness.lab.suite.SUITES", {"standard": request})
 
     def run_here(cells, workers, timeout_s, on_row) -> None:
-        def report(message) -> None:
-            if isinstance(message, Finished):
-                on_row(message.key, message.row)
-
-        for cell in cells:
-            work_on_cell(cell, report, observing(SteadyTraffic(steps=8)))
+        InProcess()(cells, on_row)
 
     monkeypatch.setattr("harness.lab.suite.run_cells", run_here)
     monkeypatch.setattr("harness.grid.stress.draw_charts", lambda *arguments: None)

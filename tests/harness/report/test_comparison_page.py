@@ -11,20 +11,20 @@ from harness.report.comparison_page import FARTHER, SWITCHED, UNFOLLOWED, differ
 from harness.report.replay_data import SecondRun, replay_data
 from harness.running.finished import read_recorded_run
 from harness.storage import run_folder as runfolder
-from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, NEW_TRACK, STEPS, write_recorded_scene
+from tests.harness.recorded_scene import (
+    GIVEN_UP,
+    LAST_SEEN,
+    NEW_TRACK,
+    STEPS,
+    write_lost_and_kept,
+    write_recorded_scene,
+)
 from tests.harness.report.test_replay_data import unpacked
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Return a run that loses *far*, and one on the same detections that follows it 1 m ahead all the time."""
-    lost = write_recorded_scene(tmp_path_factory.mktemp("runs") / "lost")
-    kept = write_recorded_scene(lost.parent / "kept")
-    errors = pd.read_parquet(kept / runfolder.ERRORS).astype({"outcome": object})
-    far = (errors["vehicle_id"] == "far").to_numpy()
-    errors.loc[far, ["track_id", "lon_error_m", "lat_error_m", "outcome"]] = [2, 1.0, 0.0, "tracked"]
-    errors.to_parquet(kept / runfolder.ERRORS)
-    return read_recorded_run(lost), read_recorded_run(kept)
+    return tuple(map(read_recorded_run, write_lost_and_kept(tmp_path_factory.mktemp("runs"))))
 
 
 def steps_of(marks, kind, side):

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 
-import pandas as pd
 import pytest
 
 from harness.analysis.compare import compare
 from harness.analysis.sources import open_source
 from harness.report.comparison_page import comparison_page
-from harness.storage import run_folder as runfolder
-from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, rewrite, write_recorded_scene
+from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, write_lost_and_kept
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
@@ -25,12 +23,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def address(tmp_path_factory) -> str:
     """Return the page of a run that loses *far*, beside one that follows it 1 m ahead all the time."""
-    lost = write_recorded_scene(tmp_path_factory.mktemp("runs") / "lost")
-    kept = write_recorded_scene(lost.parent / "kept")
-    errors = pd.read_parquet(kept / runfolder.ERRORS).astype({"outcome": object})
-    far = (errors["vehicle_id"] == "far").to_numpy()
-    errors.loc[far, ["track_id", "lon_error_m", "lat_error_m", "outcome"]] = [2, 1.0, 0.0, "tracked"]
-    rewrite(kept, runfolder.ERRORS, errors)
+    lost, kept = write_lost_and_kept(tmp_path_factory.mktemp("runs"))
     page = lost.parent / "page.html"
     page.write_text(comparison_page(compare(open_source(str(lost), "a"), open_source(str(kept), "b"))))
     return page.as_uri()

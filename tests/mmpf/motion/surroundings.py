@@ -1,5 +1,7 @@
 """Surroundings for tests: one lane of 4 m, with or without a leader."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mmpf.motion.protocol import Neighbour, Surroundings
@@ -43,3 +45,9 @@ def around(
         is_hidden=np.full(n, hidden),
         road_speed_mps=np.full(n, np.inf),
     )
+
+
+def in_lanes(state: np.ndarray, first: float = -np.inf, last: float = np.inf) -> Surroundings:
+    """Return the surroundings of each particle in its own lane; lane 0 is that of ``around``."""
+    right = 4.0 * np.clip(np.floor(state[LAT] / 4.0), first, last)
+    return replace(around(state), lane_right_m=right, lane_left_m=right + 4.0)

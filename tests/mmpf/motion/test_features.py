@@ -45,13 +45,16 @@ def test_a_situation_is_log_gap_speed_acceleration_closing_speed_and_the_leaders
     assert seen.flags.c_contiguous
 
 
+def listening_driver():
+    driver, listening = LearnedDriver(changes_lanes=False), ListeningMixture()
+    follower = replace(driver.model.follower, following=listening)
+    return replace(driver, model=replace(driver.model, follower=follower)), listening
+
+
 @given(columns(-5.0, 99.0), columns(0.0, 40.0), columns(-8.0, 4.0), columns(0.0, 40.0), columns(-8.0, 4.0))
 @settings(max_examples=50, deadline=None)
 def test_in_use_the_mixture_is_asked_what_it_was_taught(gap, speed, accel, leader_speed, leader_accel):
-    driver = LearnedDriver(changes_lanes=False)
-    listening = ListeningMixture()
-    follower = replace(driver.model.follower, following=listening)
-    driver = replace(driver, model=replace(driver.model, follower=follower))
+    driver, listening = listening_driver()
     state = states(FOLLOWERS)
     state[SPEED], state[ACCEL] = speed, accel
     leader = Neighbour(np.ones(FOLLOWERS, dtype=bool), gap, leader_speed, leader_accel, np.full(FOLLOWERS, 4.6))
@@ -63,10 +66,7 @@ def test_in_use_the_mixture_is_asked_what_it_was_taught(gap, speed, accel, leade
 
 
 def test_only_those_who_follow_are_asked_for_and_in_their_order():
-    driver = LearnedDriver(changes_lanes=False)
-    listening = ListeningMixture()
-    follower = replace(driver.model.follower, following=listening)
-    driver = replace(driver, model=replace(driver.model, follower=follower))
+    driver, listening = listening_driver()
     state = states(3)
     state[SPEED] = [10.0, 11.0, 12.0]
     leader = Neighbour(

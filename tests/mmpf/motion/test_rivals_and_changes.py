@@ -12,7 +12,7 @@ from mmpf.motion.learned.short_driver import short_term_driver
 from mmpf.motion.learned.short_pair import ShortTermPair
 from mmpf.motion.protocol import take_surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, SPEED
-from tests.mmpf.motion.surroundings import around, states, vehicle
+from tests.mmpf.motion.surroundings import around, in_lanes, states, vehicle
 
 STEP_S = 0.1
 
@@ -72,10 +72,7 @@ def test_a_car_under_way_to_the_next_lane_arrives_there():
     state[LAT_SPEED] = 0.9
     latents = model.draw_latents(state, rng)
     for _ in range(40):
-        lane = np.clip(np.floor(state[LAT] / 4.0), 0, 1)
-        here = around(state)
-        here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
-        state, latents = model.propagate(state, latents, here, STEP_S, rng)
+        state, latents = model.propagate(state, latents, in_lanes(state, 0, 1), STEP_S, rng)
     assert np.median(state[LAT]) > 4.5
     assert (state[LAT] > 4.0).mean() > 0.85
 
@@ -97,10 +94,7 @@ def test_a_particle_of_the_pair_that_means_to_leave_its_lane_arrives_in_the_next
     state[LAT_SPEED] = 0.9
     latents = np.array([np.ones(500), np.full(500, 6.0)])
     for _ in range(60):
-        lane = np.clip(np.floor(state[LAT] / 4.0), 0, 1)
-        here = around(state)
-        here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
-        state, latents = model.propagate(state, latents, here, STEP_S, rng)
+        state, latents = model.propagate(state, latents, in_lanes(state, 0, 1), STEP_S, rng)
     assert ((state[LAT] > 4.0) & (state[LAT] < 8.0)).mean() > 0.85
 
 

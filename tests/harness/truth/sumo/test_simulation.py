@@ -4,6 +4,7 @@ import itertools
 import subprocess
 import sys
 from collections import Counter
+from contextlib import closing
 from dataclasses import fields, replace
 
 import numpy as np
@@ -16,11 +17,9 @@ from harness.truth.sumo.simulation import open_traffic
 
 
 def drive(demand=12.0, duration_s=8.0, seed=1, **options):
-    truth = open_traffic(load_network("us101"), demand=demand, duration_s=duration_s, seed=seed, **options)
-    try:
+    us101 = load_network("us101")
+    with closing(open_traffic(us101, demand=demand, duration_s=duration_s, seed=seed, **options)) as truth:
         return list(truth.frames())
-    finally:
-        truth.close()
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from mmpf.motion.learned.driver import (
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import load_short_driver, short_term_driver
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from tests.mmpf.motion.surroundings import around, states, vehicle
+from tests.mmpf.motion.surroundings import around, in_lanes, states, vehicle
 
 STEP_S = 0.1
 
@@ -80,10 +80,7 @@ def test_a_driver_who_means_to_change_ends_up_in_the_next_lane():
     latents = model.draw_latents(state, rng)
     ever = np.zeros(400, dtype=bool)
     for _ in range(200):
-        lane = np.floor(state[LAT] / 4.0)
-        here = around(state)
-        here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
-        state, latents = model.propagate(state, latents, here, STEP_S, rng)
+        state, latents = model.propagate(state, latents, in_lanes(state), STEP_S, rng)
         ever |= latents[INTENTION] != 0.0
     keeping = latents[INTENTION] == 0.0
     from_centre = np.abs((state[LAT] - 2.0 + 2.0) % 4.0 - 2.0)
@@ -99,10 +96,7 @@ def test_most_changes_that_are_begun_are_finished():
     _, latents = model.propagate(state, model.draw_latents(state, rng), around(state), STEP_S, rng)
     latents[INTENTION], latents[TARGET] = 1.0, 6.0
     for _ in range(150):
-        lane = np.floor(state[LAT] / 4.0)
-        here = around(state)
-        here = type(here)(**{**vars(here), "lane_right_m": 4.0 * lane, "lane_left_m": 4.0 * lane + 4.0})
-        state, latents = model.propagate(state, latents, here, STEP_S, rng)
+        state, latents = model.propagate(state, latents, in_lanes(state), STEP_S, rng)
     assert (state[LAT] > 4.0).mean() > 0.8
 
 
