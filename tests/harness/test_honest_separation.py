@@ -96,8 +96,9 @@ def _noisy_truth(truth: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
         for name, step, other in zip(truth["vehicle_id"], truth["step"], others, strict=True)
     ]
     count = int(others.sum())
-    for column in ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2"):
+    for column in ("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "accel_mps2"):
         noisy.loc[others, column] = rng.uniform(0.0, 30.0, count)
+    noisy.loc[others, "heading_rad"] = rng.uniform(-np.pi, np.pi, count)
     noisy.loc[others, "lane"] = rng.integers(1, 4, count)
     noisy.loc[others, ["length_m", "width_m"]] = rng.uniform(1.0, 9.0, (count, 2))
     noisy.loc[others, "visible_fraction"] = rng.uniform(size=count)
