@@ -14,10 +14,15 @@ import pandas as pd
 from harness.common.errors import InputError
 
 NONE = np.zeros(0, dtype=np.bool_)
-# Nothing on wheels gets farther from one row to its next; more than so small a share of rows that do is no slip.
-LEAP_MPS, LEAP_M, MOST_ODD = 80.0, 1.0, 0.004
-# Nor more aside than ahead when it is this fast, nor about so far in so short a time; no recording car backs so fast.
-ASIDE_MPS, EGO_ASIDE_MPS, BACK_MPS, ROUGH_M, TURN_RAD, TURN_S = 10.0, 3.0, 8.0, 0.5, math.radians(35.0), 0.2
+LEAP_MPS, LEAP_M = 80.0, 1.0
+"""Between two rows, no vehicle moves farther than this speed allows, and a distance for rounding."""
+MOST_ODD = 0.004
+"""Share of rows that may break a rule by a slip of the recording; the recording car's may not."""
+ASIDE_MPS, EGO_ASIDE_MPS, BACK_MPS, ROUGH_M = 10.0, 3.0, 8.0, 0.5
+"""Above these speeds no vehicle, and no recording car, moves more sideways than ahead, and no recording car reverses;
+the distance is that of rounding."""
+TURN_RAD, TURN_S = math.radians(35.0), 0.2
+"""No vehicle turns by more within this time."""
 TWICE = "is there twice"
 
 
@@ -145,7 +150,7 @@ def check_moves(
     heading_rad: npt.NDArray[np.float64],
     is_ego: bool = False,
 ) -> None:
-    """Refuse ways in the plane that nothing on a road goes.
+    """Refuse paths in the plane that no vehicle drives.
 
     Args:
         place: The file, or the option and the file.
@@ -157,19 +162,20 @@ def check_moves(
         is_ego: Whether they are of the recording car, of which no row may be odd; of others a few may.
 
     Raises:
-        InputError: One is at two places at once, leaps, goes aside or backwards, or turns at once.
+        InputError: One is at two places at once, leaps, moves sideways or backwards, or turns at once.
     """
     order = np.lexsort((time_s, who))
     step_s, moved_x, moved_y, turned = (np.diff(each[order]) for each in (time_s, x_m, y_m, heading_rad))
     same, far_m, direction = who[order][1:] == who[order][:-1], np.hypot(moved_x, moved_y), heading_rad[order][:-1]
     ahead_m = moved_x * np.cos(direction) + moved_y * np.sin(direction)
     aside = np.abs(moved_y * np.cos(direction) - moved_x * np.sin(direction)) > np.abs(ahead_m)
+    fastest_aside_mps = EGO_ASIDE_MPS if is_ego else ASIDE_MPS
     kinds = {
         TWICE: step_s == 0.0,
         "leaps": far_m > LEAP_MPS * step_s + LEAP_M,
-        "goes aside": aside & (far_m > (EGO_ASIDE_MPS if is_ego else ASIDE_MPS) * step_s + ROUGH_M) & (step_s <= 1.0),
+        "moves sideways": aside & (far_m > fastest_aside_mps * step_s + ROUGH_M) & (step_s <= 1.0),
         "turns at once": (np.abs(np.sin(turned)) > math.sin(TURN_RAD)) & (step_s <= TURN_S),
-        "goes backwards": is_ego & (ahead_m < -BACK_MPS * step_s - ROUGH_M),
+        "moves backwards": is_ego & (ahead_m < -BACK_MPS * step_s - ROUGH_M),
     }
     for told, odd in kinds.items():
         rows = order[1:][odd & same]

@@ -52,7 +52,7 @@ def test_columns_that_are_missing_are_named_together():
 
 
 def test_an_ego_that_moves_as_no_car_does_is_refused():
-    ways = {"goes backwards": (-2.0, 0.0, 0.0), "leaps": (20.0, 0.0, 0.0), "goes aside": (1.0, 2.0, 0.0)}
+    ways = {"moves backwards": (-2.0, 0.0, 0.0), "leaps": (20.0, 0.0, 0.0), "moves sideways": (1.0, 2.0, 0.0)}
     for told, (x_m, y_m, turned_rad) in (ways | {"turns at once": (1.0, 0.0, 1.5)}).items():
         rows = ([0.0, 0.1], [0.0, x_m], [0.0, y_m], [0.0, turned_rad])
         with pytest.raises(InputError, match=f"car {told} at 0.1 s"):
