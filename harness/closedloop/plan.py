@@ -142,15 +142,15 @@ def plan_drives(request: DriveRequest) -> GridPlan:
         update = {"seed": seed} | ({} if flow_mps is None else _flowing(request, configs))
         drives = (
             PlannedDrive(
-                config=configs[belief].model_copy(update=update),
-                variant=belief,
+                config=config.model_copy(update=update),
+                variant=label,
                 kind=kind,
                 heed_unseen=request.heed_unseen,
                 flow_mps=flow_mps,
                 detected=(request.detected or DETECTED) if kind == DARK else None,
             )
             for kind in both
-            for belief in beliefs
+            for label, config in configs.items()
         )
         cells.append(Cell(tuple(drives)))
     return GridPlan(tuple(cells), AXES)
@@ -203,7 +203,7 @@ def with_truth(request: DriveRequest) -> DriveRequest:
 
 
 def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, RunConfig]:
-    """Return each belief's configuration, as a stress test on the same lists would have it."""
+    """Return the beliefs' configurations by their labels, as a stress test on the same lists would have them."""
     if any(word.strip().startswith("altered.") for word in request.settings):
         raise InputError("`settings`: altered.* is for run and stress; set sensor.* here, such as sensor.burst_share")
     trackers = dict.fromkeys(STAND_IN if belief == TRUTH else belief for belief in beliefs)
@@ -219,8 +219,11 @@ def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, Ru
         settings=(*request.settings, *words),
     )
     try:
-        configs = {run.variant: run.config for run in plan_grid(grid).runs}
+        runs = dict(zip(trackers, plan_grid(grid).runs, strict=True))
     except InputError as error:
         told = str(error).replace("`trackers`", "`perception`").replace("`densities`", "`density`")
         raise InputError(told) from None
-    return {belief: configs[STAND_IN if belief == TRUTH else belief] for belief in beliefs}
+    return {
+        TRUTH if belief == TRUTH else runs[belief].variant: runs[STAND_IN if belief == TRUTH else belief].config
+        for belief in beliefs
+    }

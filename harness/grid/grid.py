@@ -2,15 +2,16 @@
 
 Trackers are written as a name and, after plus signs, settings of their own: ``mmpf+update=max_likelihood`` or
 ``mmpf+joint.association.gate_std=4+particles=500``. ``model``, ``update``, ``particles`` and ``model_file`` are the
-tracker's named settings, everything else is one of its options. ``models`` goes with the project's own tracker;
-settings of ``tracker.*`` go with it and with trackers of the user's own, while other built-in trackers keep their tuned
-settings.
+tracker's named settings, everything else is one of its options. ``cautious=pmbm+birth.share=0.1`` is called cautious in
+tables and pictures. ``models`` goes with the project's own tracker; settings of ``tracker.*`` go with it and with
+trackers of the user's own, while other built-in trackers keep their tuned settings.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from harness.running.resolve import resolve_run_config
 from harness.sensor.profiles import sensor_settings
 from harness.storage.run_folder import is_run_folder
 from harness.storage.schema import DEMAND, DENSITY, NET, RECORDING
+from harness.trackers.catalogue import trackers
 from harness.truth.recorded.egos import EACH
 
 MOST_RUNS = 100_000
@@ -32,6 +34,8 @@ BELIEFS = "tracker.believes."
 NAMED_TRACKER_SETTINGS = ("model", "update", "particles", "model_file")
 VARY_EXAMPLE = "sensor.range_m=40:160:20"
 NETS_EXAMPLE = "us101,curve,junction"
+LABEL = re.compile(r"[\w.-]+")
+TRUE_PERCEPTION = "truth"
 TRACKER_EXAMPLE = "mmpf,mmpf+update=max_likelihood,stonesoup-jpda"
 
 
@@ -115,7 +119,7 @@ def plan_grid(request: GridRequest) -> GridPlan:
         first = [
             PlannedRun(
                 _config(replace(request, settings=(*request.settings, *words)), variant, place, seeds[0], each),
-                variant.text,
+                variant.label,
                 each,
                 mismatch,
             )
@@ -131,9 +135,9 @@ def plan_grid(request: GridRequest) -> GridPlan:
 
 @dataclass(frozen=True)
 class _Variant:
-    """A tracker with settings of its own and, where it takes one, a model."""
+    """A tracker with settings of its own and, where it takes one, a model; called by the label."""
 
-    text: str
+    label: str
     name: str
     settings: tuple[str, ...]
     model: str | None = None
@@ -146,9 +150,9 @@ class _Variant:
 
 def _variants(request: GridRequest) -> list[_Variant]:
     models = names(request.models, "models", "gmm,idm,cvm,cam") if request.models is not None else (None,)
-    variants = []
+    variants: list[_Variant] = []
     for text in names(request.trackers, "trackers", TRACKER_EXAMPLE):
-        name, *settings = text.split("+")
+        label, (name, *settings) = _named(text)
         for setting in settings:
             key, equals, value = setting.partition("=")
             if not (key and equals and value):
@@ -157,10 +161,22 @@ def _variants(request: GridRequest) -> list[_Variant]:
                 )
         crossed = name == DEFAULT_TRACKER and not any(setting.startswith("model=") for setting in settings)
         full = tuple(_full_key(setting) for setting in settings)
-        variants += [_Variant(text, name, full, model) for model in (models if crossed else (None,))]
+        if label in (variant.label for variant in variants):
+            raise InputError(f"`trackers` {text}: another tracker is called {label} too; choose another name")
+        variants += [_Variant(label, name, full, model) for model in (models if crossed else (None,))]
     if request.models is not None and not any(variant.model for variant in variants):
         raise InputError("`models`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")
     return variants
+
+
+def _named(text: str) -> tuple[str, list[str]]:
+    """Return what a tracker is called, and its name and settings; without ``LABEL=`` it is called as it is written."""
+    label, _, told = text.partition("=")
+    if not told or not LABEL.fullmatch(label):
+        return text, text.split("+")
+    if label in (TRUE_PERCEPTION, *trackers):
+        raise InputError(f"`trackers` {text}: {label} is the name of another tracker; for example my-{label}={told}")
+    return label, told.split("+")
 
 
 def _full_key(setting: str) -> str:

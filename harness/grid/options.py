@@ -49,7 +49,8 @@ class GridOptions(TypedDict, total=False):
     trackers: Annotated[
         str | Sequence[str | Callable[..., Any]],
         Option(
-            "Trackers: A,B,C. Settings of one tracker follow its name: mmpf+update=max_likelihood.",
+            "Trackers: A,B,C. Settings of one tracker follow its name: mmpf+update=max_likelihood. LABEL= before the "
+            "name is how tables call it: paper=mmpf+update=max_likelihood.",
             panel=GRID,
             default="mmpf",
         ),

@@ -28,6 +28,12 @@ def test_every_belief_drives_every_episode():
     assert len({run.key for run in grid.runs}) == len(grid.runs)
 
 
+def test_a_belief_with_a_label_is_called_by_it():
+    runs = plan_drives(request(beliefs="calm=pmbm+lon_noise=1.5,truth,detections")).cells[0].runs
+    assert [run.variant for run in runs[:3]] == ["calm", "truth", "detections"]
+    assert runs[0].config.tracker.options == {"lon_noise": 1.5}
+
+
 def test_a_belief_is_one_row_of_its_name_whatever_stands_in_for_its_tracker():
     rows = {run.variant: run.identity() for run in plan_drives(request()).cells[0].runs}
     assert [rows[name]["tracker"] for name in ("truth", "mmpf", "pmbm")] == [None, "mmpf", "pmbm"]

@@ -27,6 +27,14 @@ def test_a_variant_sets_named_settings_and_options_of_its_tracker_alone():
     assert (varied.update, varied.options) == ("max_likelihood", {"max_likelihood": {"association": {"gate_std": 4}}})
 
 
+def test_a_label_names_a_tracker_with_its_settings():
+    runs = plan_grid(GridRequest(densities="20", seeds="1", trackers="pmbm,calm=pmbm+lon_noise=1.5")).runs
+    assert [run.variant for run in runs] == ["pmbm", "calm"]
+    assert [(run.config.tracker.name, run.config.tracker.options) for run in runs] == [
+        ("pmbm", {}), ("pmbm", {"lon_noise": 1.5}),
+    ]  # fmt: skip
+
+
 def test_a_run_keeps_its_key_in_a_larger_grid():
     small = {run.key for run in plan_grid(GridRequest(densities="20", seeds="2")).runs}
     large = [run.key for run in plan_grid(GridRequest(densities="20,30", seeds="3")).runs]
