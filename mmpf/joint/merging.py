@@ -89,10 +89,16 @@ def merge_lasting_overlaps(
 
 
 def with_known_vehicle(components: Sources, heir: int, known: int) -> Sources:
-    """Return components in which one is a vehicle unless neither it nor another one, in the same place, is.
+    """Return the components after one of them has taken the place of a reported one.
 
-    So a vehicle that was reported stays probable when a new component detects it, which alone would be doubted: most
-    vehicles do not appear in plain view.
+    The heir is then a vehicle with the probability that at least one of the two is: 1 - (1 - heir) (1 - known). If the
+    known one is a vehicle, its detectability holds for the heir too. By its own detections alone an heir that has just
+    appeared in plain view would be doubted, since few vehicles do.
+
+    Args:
+        components: The components.
+        heir: Index of the component that goes on.
+        known: Index of the reported component in the same place, which is about to be removed.
     """
     kinds, existence = components.kinds.copy(), components.existence.copy()
     alive = (1.0 - components.vehicle[known]) * existence[heir] * kinds[heir]

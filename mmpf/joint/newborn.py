@@ -187,13 +187,8 @@ def appearances_at(
         edge_m = SHADOW_EDGE_S * passing_mps
         before = np.minimum(here, np.minimum(visible(edge_m), visible(-edge_m)))
         inside = np.clip((sensor.range_m - distance) / max(RANGE_EDGE_M, edge_m) - 0.5, 0.0, 1.0)
-        return (
-            inside
-            * watched
-            * np.clip(
-                (before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction), 0.0, 1.0
-            )
-        )
+        in_sight = (before - sensor.hidden_fraction) / (sensor.full_view_fraction - sensor.hidden_fraction)
+        return np.asarray(inside * watched * np.clip(in_sight, 0.0, 1.0))
 
     moving = in_view(SLOWEST_PASSING_MPS)
     standing = np.minimum(moving, in_view(max(abs(plane.ego.speed_mps), SLOWEST_PASSING_MPS)))
