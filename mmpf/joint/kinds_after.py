@@ -85,6 +85,8 @@ def kinds_after(
         speed_log = np.where(seen[:, None], now, speed_log)
         gain = speed_log - before.speed_log
         gain[:, VEHICLE] -= _overlap_loss(before, moments, options, situation)
+        correlation = joint.kinds.score_correlation
+        gain[:, VEHICLE] += sources.score_log_odds(correlation) - before.score_log_odds(correlation)
         kinds = normalised(kinds * np.exp(gain - gain.max(axis=1, keepdims=True))[:, :, None, None])
         kinds = bounded(kinds, 1.0 / (1.0 + np.exp(joint.kinds.largest_log_odds)))
     return replace(sources, existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)

@@ -41,10 +41,9 @@ from mmpf.joint.sources import Sources, sources_of
 from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel, spreads_speed
 from mmpf.motion.state import LAT, LON
-from mmpf.numerics.arrays import BoolArray, FloatArray, taken
+from mmpf.numerics.arrays import BoolArray, taken
 from mmpf.options.filter import OTHER_SPEED_ERROR, FilterOptions, ModelErrorOptions
-from mmpf.options.joint import JointAssociation
-from mmpf.scan import Detections, Scan, SensorModel
+from mmpf.scan import Scan, SensorModel
 from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situation, Updated
 from mmpf.visibility.missed_runs import run_after_scan
 from mmpf.visibility.range_profile import Reach
@@ -119,7 +118,7 @@ class JointUpdate:
             likelihoods,
             len(detections),
         )
-        clutter_density = clutter_densities(detections, known.sensor) * _relative_clutter(detections, options)
+        clutter_density = clutter_densities(detections, known.sensor)
         evidence *= existence[:, None] / clutter_density
         missed = 1.0 - existence + existence * not_seen
         marginals = associate(evidence, missed, options.birth_density, options.exclusive)
@@ -149,7 +148,8 @@ class JointUpdate:
         sightings = sightings_of(
             prior, moments, occlusion, not_seen, claimed, hit_probability, known, situation, self.joint
         )
-        sources = replace(before.after_scan(was_hit, situation.dt_s), missed=run)
+        log_odds = (marginals.probability @ np.log(detections.odds)) / np.maximum(hit_probability, 1e-12)
+        sources = replace(before.after_scan(was_hit, situation.dt_s, log_odds), missed=run)
         sources = kinds_after(
             sources, before, alive, ended, moments, sightings, known.false_objects, situation, self.options
         )
@@ -181,8 +181,7 @@ class JointUpdate:
 
         chosen = np.flatnonzero(updated.birth_claim > joint.association.birth_unexplained)
         chosen = chosen[~lies_on_ego(situation.scan.detections, situation.plane)[chosen]]
-        odds = situation.scan.detections.odds[chosen] ** joint.association.score_weight
-        density = joint.association.birth_density * odds
+        density = joint.association.birth_density
         existence = density / (1.0 + density) * updated.birth_claim[chosen]
         places = appearances_at(chosen, updated.mixture, moments, known, situation, self.options)
         newborn = newborn_sources(
@@ -212,12 +211,10 @@ class JointUpdate:
         confirmed_now, stays = (judge(sources, in_path, joint) for judge in (to_confirm, still_confirmed))
         withdrawn = sources.withdrawn | (sources.confirmed & ~stays)
         sources = replace(sources, confirmed=stays, withdrawn=withdrawn)
-        if not confirmed_now.any():
-            return Finetuned(replace(mixture, components=sources), moments=moments)
-        confirmed_now &= ~stands_on_another(sources, moments)
-        sources = replace(
-            sources, confirmed=sources.confirmed | confirmed_now, withdrawn=sources.withdrawn & ~confirmed_now
-        )
+        if confirmed_now.any():
+            confirmed_now &= ~stands_on_another(sources, moments)
+            confirmed, withdrawn = stays | confirmed_now, withdrawn & ~confirmed_now
+            sources = replace(sources, confirmed=confirmed, withdrawn=withdrawn)
         mixture = replace(mixture, components=sources)
         if not joint.identity.stitch:
             return Finetuned(mixture, moments=moments)
@@ -259,13 +256,3 @@ class JointUpdate:
         if updated.false_detections is not None:
             known = known.with_clutter(updated.false_detections, dt_s, self.joint.association.clutter_memory_s)
         self.known = known
-
-
-def _relative_clutter(detections: Detections, options: JointAssociation) -> FloatArray:
-    """Return the factor on the clutter density at each detection's score, shape (d,).
-
-    Scaling all weights of a detection changes no marginal, so that those of clutter and newborn vehicles, 1 and b times
-    the odds, are brought to a sum of 1 + b.
-    """
-    odds, births = detections.odds**options.score_weight, options.birth_density
-    return np.asarray((1.0 + births * odds) / ((1.0 + births) * odds))

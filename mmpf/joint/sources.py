@@ -28,6 +28,7 @@ class Sources(Components):
         standing_ratio: How much oftener a vehicle that stands appears where it did than one that moves.
         stood_log: Log likelihood, at most 0, that it stood at its fastest moment whose speed was well known.
         born_in_view: Degree, 0 to 1, to which it appeared in plain view.
+        score_log: Mean log odds of the scores of its detections after the first; 0 without scores.
         noise_factor: Measured noise over reported noise, from the innovations.
         noise_lon_m: Longitudinal deviation of its detections, smoothed, as reported and times that factor.
         noise_lat_m: The same, lateral.
@@ -44,6 +45,7 @@ class Sources(Components):
     standing_ratio: FloatArray
     stood_log: FloatArray
     born_in_view: FloatArray
+    score_log: FloatArray
     noise_factor: FloatArray
     noise_lon_m: FloatArray
     noise_lat_m: FloatArray
@@ -60,9 +62,19 @@ class Sources(Components):
         """Deviations of each one's detections as measured by its innovations, along and across, each of shape (m,)."""
         return self.noise_lon_m, self.noise_lat_m
 
-    def after_scan(self, was_hit: BoolArray, dt_s: float) -> Self:
-        """Return the components with a scan's hits, shape (m,), and the times seen and unseen counted."""
-        return replace(super().after_scan(was_hit, dt_s), detected_s=self.detected_s + dt_s * was_hit)
+    def after_scan(self, was_hit: BoolArray, dt_s: float, log_odds: FloatArray | float = 0.0) -> Self:
+        """Return the components with hits, the expected log odds of their scores, (m,), and times seen and unseen."""
+        after = super().after_scan(was_hit, dt_s)
+        change = was_hit * (log_odds - self.score_log) / np.maximum(after.hits - 1, 1)
+        return replace(after, detected_s=self.detected_s + dt_s * was_hit, score_log=self.score_log + change)
+
+    def score_log_odds(self, correlation: float) -> FloatArray:
+        """Return the log odds of a vehicle by all scores of each, shape (m,).
+
+        The log likelihood ratio of equally correlated normal log odds of one variance, whose mean depends on the kind.
+        """
+        scores = self.hits - 1
+        return np.asarray(self.score_log * scores / (1.0 + correlation * np.maximum(scores - 1, 0)))
 
     @classmethod
     def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Self:
@@ -80,6 +92,7 @@ class Sources(Components):
             standing_ratio=np.ones(count),
             stood_log=zeros,
             born_in_view=zeros,
+            score_log=zeros,
             noise_factor=np.ones(count),
             noise_lon_m=zeros,
             noise_lat_m=zeros,

@@ -52,9 +52,6 @@ class JointAssociation(Settings):
     """Time constant for counting false detections, starting from the data sheet's rate; None always uses that rate."""
     birth_density: Annotated[Positive, in_unit("births per false detection")] = 0.3
     """Expected newborn vehicles relative to clutter at one detection (b in Meyer et al. 2018)."""
-    score_weight: Probability = 0.0
-    """Exponent of the odds that a detection's score gives, for detections of known and of new vehicles; 0 ignores
-    scores."""
     birth_unexplained: Probability = 0.3
     """A detection starts a component if its unexplained share is above this."""
     exclusion_per_s: NotNegative = 9.0
@@ -91,6 +88,10 @@ class JointKinds(Settings):
     """Two objects nearer than this share of a length and a width cannot both be vehicles."""
     overlap_per_s: NotNegative = 3.0
     """Log odds that the less probable of the two loses per second; on the ego itself every object loses them."""
+    score_correlation: Probability = 0.5
+    """Correlation between the log odds of two scores of one object: 0 counts each score in full, 1 only their mean.
+    On KITTI's sequences outside its validation set it is 0.40 to 0.48.
+    """
     confirm_above: Probability = 0.5
     """Vehicle probability above which a component is reported."""
     withdraw_below: Probability = 0.2

@@ -1,29 +1,40 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
-from mmpf.joint.association import associate
-from mmpf.joint.rule import _relative_clutter
-from mmpf.options.joint import JointAssociation
-from mmpf.scan import Detections
+from mmpf import MixtureTracker, Scan, SensorModel, motion_model
+from mmpf.joint.sources import Sources
+from tests.mmpf.scenes import ROAD, detections_at, ego_at, lane_centre
 
-
-def scored(score):
-    ones = np.ones(len(score))
-    return Detections(ones, ones, ones, ones, ones, ones, score=np.array(score))
+LOG_ODDS = np.array([0.5, 2.0, -0.3, 1.1])
 
 
-@pytest.mark.parametrize("weight", [1.0, 0.5])
-def test_a_score_weighs_vehicles_old_and_new_by_its_odds_against_clutter(weight):
-    options, psi, missed = JointAssociation(score_weight=weight, birth_density=0.4), 3.0, 0.2
-    found = scored([0.9])
-    odds = 9.0**weight
-    marginals = associate(psi / _relative_clutter(found, options)[None, :], np.array([missed]), 0.4)
-    # Bayes by enumeration: the component's detection, clutter or a newcomer.
-    hit, other = odds * psi, missed * (1.0 + 0.4 * odds)
-    assert marginals.probability[0, 0] == pytest.approx(hit / (hit + other))
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_scores_of_one_source_weigh_as_correlated_normals(correlation):
+    # Of log odds whose variance is twice their mean each is the likelihood ratio of itself.
+    covariance = 4.0 * (correlation + (1.0 - correlation) * np.eye(4))
+    vehicle, false = (multivariate_normal(np.full(4, mean), covariance).logpdf(LOG_ODDS) for mean in (2.0, -2.0))
+    sources, was_hit = Sources.newborn(np.array([1, 2]), np.ones(2)), np.array([True, False])
+    for each in LOG_ODDS:
+        sources = sources.after_scan(was_hit, 0.1, np.full(2, each))
+    assert sources.score_log_odds(correlation) == pytest.approx([vehicle - false, 0.0])
 
 
-def test_without_weight_or_score_nothing_changes():
-    options = JointAssociation(score_weight=1.0)
-    assert _relative_clutter(scored([0.2, 0.9]), JointAssociation()).tolist() == [1.0, 1.0]
-    assert _relative_clutter(scored([0.5]), options).tolist() == [1.0]
+def probability_of_a_vehicle(score):
+    """Of one that drives along at 10 m/s, detected in every other scan of three seconds."""
+    tracker = MixtureTracker(ROAD, SensorModel(), motion_model("cvm"), np.random.default_rng(0))
+    for step in range(31):
+        found = detections_at([(30.0 + step, lane_centre(3))][: 1 - step % 2])
+        scores = None if score is None else np.full(len(found), score)
+        tracks = tracker.step(Scan(0.1 * step, replace(found, score=scores), ego_at(2.0 * step)))
+    return tracks.existence.max()
+
+
+def test_sure_detections_make_a_vehicle_more_probable_and_unsure_ones_less():
+    assert probability_of_a_vehicle(0.1) < 0.8 * probability_of_a_vehicle(0.5) < 0.9 * probability_of_a_vehicle(0.9)
+
+
+def test_a_score_that_tells_nothing_changes_nothing():
+    assert probability_of_a_vehicle(0.5) == probability_of_a_vehicle(None)
