@@ -36,10 +36,7 @@ def association_evidence(
     detections: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_D] per component, shape (m,)."""
-    components = len(starts) - 1
-    evidence = np.zeros((components, detections))
-    not_seen = np.ones(components)
-    _sum_evidence(
+    return _sum_evidence(
         weight,
         starts,
         detection_probability,
@@ -47,10 +44,8 @@ def association_evidence(
         likelihoods.detection,
         likelihoods.values,
         likelihoods.starts,
-        evidence,
-        not_seen,
+        detections,
     )
-    return evidence, not_seen
 
 
 def particle_factors(
@@ -103,9 +98,9 @@ def _sum_evidence(
     pair_detection: IntArray,
     values: FloatArray,
     value_starts: IntArray,
-    evidence: FloatArray,
-    not_seen: FloatArray,
-) -> None:
+    detections: int,
+) -> tuple[FloatArray, FloatArray]:
+    evidence, not_seen = np.zeros((len(starts) - 1, detections)), np.ones(len(starts) - 1)
     for m in range(len(starts) - 1):
         seen = 0.0
         for n in range(starts[m], starts[m + 1]):
@@ -119,6 +114,7 @@ def _sum_evidence(
         for k in range(len(likelihood)):
             total += own_weight[k] * probability[k] * likelihood[k]
         evidence[pair_component[p], pair_detection[p]] = total
+    return evidence, not_seen
 
 
 @kernel(fastmath=True)

@@ -134,13 +134,12 @@ class FalseObjects:
     def vehicle_profile(self, options: JointVehicles) -> FloatArray:
         """Return the share of vehicles at each level of detectability, shape (levels,)."""
         prior = options.prior_count * shares_of(options.detectability)
-        number = (self.vehicles + self.present).sum(axis=0) + prior
-        return np.asarray(number / number.sum())
+        return shares_of((self.vehicles + self.present).sum(axis=0) + prior)
 
     def vehicle_shading(self, options: JointVehicles) -> FloatArray:
         """Return the distribution of how much shadows hide vehicles, shape (3,)."""
-        number = (self.vehicles + self.present).sum(axis=1) + options.prior_count * shares_of(options.shading)
-        return np.asarray(number / number.sum())
+        prior = options.prior_count * shares_of(options.shading)
+        return shares_of((self.vehicles + self.present).sum(axis=1) + prior)
 
     def vehicles_in_view_per_s(self) -> float:
         """Return how many vehicles a second are first detected in plain view.
@@ -153,23 +152,19 @@ class FalseObjects:
     def standing_share(self, usual: FloatArray | float, options: JointVehicles) -> FloatArray | float:
         """Return the share of vehicles that stand where ``usual`` is the least share, its shape; as above."""
         known = float((self.vehicles + self.present).sum())
-        return np.maximum(
-            (options.prior_count * usual + float(self.stood.sum())) / (options.prior_count + known), usual
-        )
+        standing = options.prior_count * usual + float(self.stood.sum())
+        return np.maximum(standing / (options.prior_count + known), usual)
 
     def births_per_s(self, sensor: SensorModel, options: JointFalseObjects) -> float:
         """Return how many appear each second in the sensor's range."""
         first = options.birth_share * sensor.clutter_per_scan
-        return (options.prior_watched_s * first + float(self.counted.sum())) / (
-            options.prior_watched_s + self.watched_s
-        )
+        appeared = options.prior_watched_s * first + float(self.counted.sum())
+        return appeared / (options.prior_watched_s + self.watched_s)
 
     def kind_shares(self, options: JointFalseObjects) -> FloatArray:
         """Return the share of new ones that stand and that move, shape (2,)."""
-        number = self.counted.sum(axis=1) + options.prior_count * np.array(
-            [options.standing_share, 1.0 - options.standing_share]
-        )
-        return np.asarray(number / number.sum())
+        prior = options.prior_count * np.array([options.standing_share, 1.0 - options.standing_share])
+        return shares_of(self.counted.sum(axis=1) + prior)
 
     def profiles(self, options: JointFalseObjects) -> FloatArray:
         """Return the share of each level of detectability among those that stand and that move, shape (2, levels).

@@ -10,10 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.special import expit
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
+from mmpf.joint.merging import with_known_vehicles
 from mmpf.joint.sources import sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
@@ -33,6 +35,7 @@ def hand_over_identity(
     Each pair is judged by the density that the old component's particles give to the new one's place and speed,
     against the density of vehicles that were never seen before; all pairs together by optimal assignment. A hidden
     component is gone thereby; a withdrawn one, which is still detected, goes on under the new one's number.
+    Whoever takes a hidden one's place keeps its probability of a vehicle; see ``with_known_vehicles``.
 
     Args:
         mixture: The belief.
@@ -57,11 +60,14 @@ def hand_over_identity(
     rows, columns = linear_sum_assignment(np.maximum(log_ratio, 0.0), maximize=True)
     linked = log_ratio[rows, columns] > 0.0
     heirs, left = new[rows[linked]], old[columns[linked]]
+    again = is_hidden[left]
+    same = expit(log_ratio[rows, columns][linked][again])
+    components = with_known_vehicles(components, heirs[again], left[again], same)
     track_id, withdrawn = components.track_id.copy(), components.withdrawn.copy()
     track_id[heirs], track_id[left] = components.track_id[left], components.track_id[heirs]
     withdrawn[left] = False
     keep = np.ones(len(mixture), dtype=np.bool_)
-    keep[left[is_hidden[left]]] = False
+    keep[left[again]] = False
     components = with_measured_sizes(components, heirs, sizes_of(components, left))
     renamed = replace(mixture, components=replace(components, track_id=track_id, withdrawn=withdrawn))
     return Finetuned(renamed.keep(keep), int(linked.sum()), moments.take(keep))

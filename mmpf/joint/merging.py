@@ -9,10 +9,10 @@ import numpy as np
 from mmpf.belief.mixture import NEVER, Mixture
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
-from mmpf.joint.kinds import VEHICLE
+from mmpf.joint.kinds import VEHICLE, normalised
 from mmpf.joint.sources import Sources, sources_of
 from mmpf.motion.state import LAT, LON, SPEED
-from mmpf.numerics.arrays import BoolArray, turned
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.options.joint import JointMerging
 
 # Two whose directions differ by more than 60 degrees are two.
@@ -80,7 +80,7 @@ def merge_lasting_overlaps(
         elder = min((a, b), key=lambda m: (not confirmed[m], track_id[m]))
         better, worse = sorted((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
         if confirmed[worse] and not confirmed[better]:
-            components = with_known_vehicle(components, better, worse)
+            components = with_known_vehicles(components, np.array([better]), np.array([worse]), np.ones(1))
         track_id[better], confirmed[better] = track_id[elder], confirmed[elder]
         keep[worse] = False
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
@@ -88,20 +88,22 @@ def merge_lasting_overlaps(
     return replace(mixture, components=updated), keep
 
 
-def with_known_vehicle(components: Sources, heir: int, known: int) -> Sources:
-    """Return the components after one of them has taken the place of a reported one.
+def with_known_vehicles(components: Sources, heirs: IntArray, known: IntArray, same: FloatArray) -> Sources:
+    """Return the components after some of them, the heirs, have taken the places of reported ones.
 
-    The heir is then a vehicle with the probability that at least one of the two is: 1 - (1 - heir) (1 - known). If the
-    known one is a vehicle, its detectability holds for the heir too. By its own detections alone an heir that has just
-    appeared in plain view would be doubted, since few vehicles do.
+    An heir's own detections make it a vehicle, or else the known component, if it is that one: its probability becomes
+    1 - (1 - heir) (1 - same known). In the second case the known one's detectability holds for it too. By its own
+    detections alone an heir that has just appeared in plain view would be doubted, since few vehicles do.
 
     Args:
         components: The components.
-        heir: Index of the component that goes on.
-        known: Index of the reported component in the same place, which is about to be removed.
+        heirs: Indices of the components that go on, shape (k,).
+        known: Index of the reported component that each replaces, which is about to be removed, shape (k,).
+        same: Probability that both are the same source, if the known one is a vehicle, shape (k,).
     """
     kinds, existence = components.kinds.copy(), components.existence.copy()
-    alive = (1.0 - components.vehicle[known]) * existence[heir] * kinds[heir]
-    alive[VEHICLE] += existence[known] * kinds[known, VEHICLE]
-    kinds[heir], existence[heir] = alive / alive.sum(), alive.sum()
+    vehicles = (same * existence[known])[:, None, None] * kinds[known, VEHICLE]
+    alive = ((1.0 - vehicles.sum(axis=(1, 2))) * existence[heirs])[:, None, None, None] * kinds[heirs]
+    alive[:, VEHICLE] += vehicles
+    kinds[heirs], existence[heirs] = normalised(alive), alive.sum(axis=(1, 2, 3))
     return replace(components, kinds=kinds, existence=existence)

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import norm
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.joint.identity import hand_over_identity
+from mmpf.joint.kinds import STANDING, certain_vehicles
 from mmpf.motion.state import LON
 from mmpf.options.joint import JointIdentity
 from tests.mmpf.scenes import belief_of, spot
@@ -119,6 +121,18 @@ def test_the_size_that_was_known_of_the_hidden_one_is_kept() -> None:
     after, _ = handed_over(replace(mixture, components=components), [False, True])
     precision = np.array([0.5, 2.0]) ** -2
     assert after.components.length_m == pytest.approx([np.average([16.0, 4.7], weights=precision)])
+
+
+@pytest.mark.parametrize("apart_m", [0.5, 6.7])
+def test_one_seen_again_is_a_vehicle_unless_neither_it_nor_the_hidden_one_that_it_may_be_is(apart_m: float) -> None:
+    mixture = hidden_and_new(apart_m, existence=0.9)
+    kinds = certain_vehicles(2) * np.array([0.8, 0.3])[:, None, None, None]
+    kinds[:, STANDING, 0, 0] = 0.2, 0.7
+    after, _ = handed_over(replace(mixture, components=replace(mixture.components, kinds=kinds)), [False, True])
+    widths = np.array([OPTIONS.kernel_lon_m, OPTIONS.kernel_lat_m, OPTIONS.kernel_speed_mps])
+    density = 0.9 * norm.pdf([apart_m, 0.0, 0.0], scale=widths).prod()
+    same = density / (density + OPTIONS.unknown_density)
+    assert after.components.vehicle == pytest.approx([1.0 - (1.0 - 0.95 * 0.3) * (1.0 - same * 0.9 * 0.8)])
 
 
 @given(st.integers(0, 10_000))
