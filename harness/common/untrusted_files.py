@@ -109,16 +109,21 @@ def read_json(path: Path, parameter: str | None = None) -> Any:  # noqa: ANN401 
         raise ValueError("it is nested too deeply") from None
 
 
+def number_or_nan(text: str) -> float:
+    """Return the number that a file's text is, nan if none; Python alone takes ``1_0`` or other scripts' digits."""
+    try:
+        return float(text) if "_" not in text and text.isascii() else math.nan
+    except ValueError:
+        return math.nan
+
+
 def number(text: str) -> float:
-    """Read a finite number as files write it: Python alone takes ``1_0`` for 10, and digits of other scripts.
+    """Read a finite number as files write it.
 
     Raises:
         ValueError: It is none; the message says what stands there.
     """
-    try:
-        value = float(text) if "_" not in text and text.isascii() else math.nan
-    except ValueError:
-        value = math.nan
+    value = number_or_nan(text)
     if not math.isfinite(value):
         raise ValueError(f"{text[:40]!r} is not a number")
     return value

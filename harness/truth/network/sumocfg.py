@@ -6,7 +6,6 @@ files and those options that decide the traffic alone are handed over one by one
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from xml.etree.ElementTree import ParseError, parse
 
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number, require_file
+from harness.common.untrusted_files import number_or_nan, require_file
 
 FILE_OPTIONS = {
     "net-file": ("net-file", "net", "n"),
@@ -38,11 +37,11 @@ BEHAVIOUR = frozenset(
     }
 )
 PLAIN_VALUE = re.compile(r"[A-Za-z0-9_.:+-]{1,40}")
-SECONDS = Numbers(-1e9, 1e9)
-NUMBERS_OF_BEHAVIOUR = {
+NUMBERS_OF_OPTIONS = {
+    "begin": Numbers(-1e9, 1e9), "end": Numbers(-1e9, 1e9),
     "scale": Numbers(0.0, 20.0), "lateral-resolution": Numbers(0.05, 10.0), "default.speeddev": Numbers(0.0, 2.0),
     "default.emergencydecel": Numbers(0.0, 50.0), "lanechange.duration": Numbers(0.0, 60.0),
-    "collision.mingap-factor": Numbers(-1.0, 100.0),
+    "collision.mingap-factor": Numbers(-1.0, 100.0), "default.action-step-length": Numbers(0.0, 3.0),
 }  # fmt: skip
 
 
@@ -74,49 +73,27 @@ def read_sumocfg(path: Path) -> SumoInputs:
         raise InputError(f"`net` {path}: it must name one net-file")
     for file in (*named["route-files"], *named["additional-files"]):
         require_file(file, f"`net` {path}: of what it names")
-    options = [*_times(path, values), *_behaviour(path, values)]
     known = {alias for aliases in (*FILE_OPTIONS.values(), *TIMES.values()) for alias in aliases}
     left_out = sorted({name for name in values if name not in known | OWN | BEHAVIOUR} - {root.tag})
     return SumoInputs(
         net_file=named["net-file"][0],
         route_files=tuple(named["route-files"]),
         additional_files=tuple(named["additional-files"]),
-        options=tuple(options),
+        options=tuple(_options(path, values)),
         left_out=tuple(left_out),
     )
 
 
-def _times(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
-    taken = []
-    for option, aliases in TIMES.items():
-        text = next((values[alias] for alias in aliases if values.get(alias)), "")
-        if not text:
-            continue
-        check_numbers(f"`net` {path}", {option: _finite(text)}, {option: SECONDS}, "the configuration", "give seconds")
-        # The run itself decides when it ends.
-        if option == "begin":
-            taken.append((option, text))
-    return taken
-
-
-def _behaviour(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
-    taken = []
-    for name in sorted(BEHAVIOUR & values.keys()):
-        value = values[name].strip()
+def _options(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
+    """Return the options that are handed over; the run itself decides when it ends."""
+    times = {option: values[alias] for option, aliases in TIMES.items() for alias in aliases if values.get(alias)}
+    taken = times | {name: values[name].strip() for name in sorted(BEHAVIOUR & values.keys())}
+    for name, value in taken.items():
         if not PLAIN_VALUE.fullmatch(value):
             raise InputError(f"`net` {path}: {name} is {value[:40]!r}; give a plain number or word")
-        taken.append((name, value))
-    told = {name: _finite(text) for name, text in taken}
-    check_numbers(f"`net` {path}", told, NUMBERS_OF_BEHAVIOUR, "the configuration", "give a number")
-    return taken
-
-
-def _finite(text: str) -> float:
-    """Return the number that a text is; nan for what is none."""
-    try:
-        return number(text)
-    except ValueError:
-        return math.nan
+    told = {name: number_or_nan(text) for name, text in taken.items()}
+    check_numbers(f"`net` {path}", told, NUMBERS_OF_OPTIONS, "the configuration", "give a number")
+    return [(name, value) for name, value in taken.items() if name != "end"]
 
 
 def _named_files(path: Path, values: dict[str, str], aliases: tuple[str, ...]) -> list[Path]:

@@ -82,23 +82,21 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
         raise InputError(f"`net` {net}: floating-car data are read on a network with a main road alone, such as us101")
     try:
         with unpacked(path) as file:
-            collected = _collect(file, path)
+            collected = _collect(file)
         types = [network.vehicle_types_file, *recording_files(path)[1:]]
         sizes = dict(size for file in types if file is not None for size in _type_sizes(file))
     except ParseError as error:
         raise InputError(f"{path}: broken or truncated XML: {error}") from None
     except KeyError as error:
-        raise InputError(
-            f"{path}: a vehicle or timestep lacks {error}; write the data with SUMO's usual attributes"
-        ) from None
+        raise InputError(f"{path}: a vehicle or timestep lacks {error}; write SUMO's usual attributes") from None
     except ValueError as error:
-        raise InputError(f"{path}: {error}; fix the value") from None
+        raise InputError(f"{path}: {error}; fix the value or the order") from None
     if not collected.names:
         raise InputError(f"{path}: it contains no vehicle; give a recording with vehicles")
     return _traffic(collected, network, sizes)
 
 
-def _collect(file: BinaryIO, path: Path) -> _Collected:
+def _collect(file: BinaryIO) -> _Collected:
     collected = _Collected()
     time_s = -np.inf
     root = None
@@ -108,9 +106,7 @@ def _collect(file: BinaryIO, path: Path) -> _Collected:
         if event == "start" and element.tag == "timestep":
             before, time_s = time_s, number(element.attrib["time"])
             if not time_s > before:
-                raise InputError(
-                    f"{path}: time goes back from {before:g} s to {time_s:g} s; put the timesteps in order"
-                )
+                raise ValueError(f"time goes back from {before:g} s to {time_s:g} s")
         elif event == "end" and element.tag == "vehicle":
             collected.add(time_s, element.attrib)
         elif event == "end" and element.tag == ON_FOOT:

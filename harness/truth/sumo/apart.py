@@ -9,7 +9,7 @@ from typing import Any
 
 from harness.common.isolation import ProcessLimits, Send, confine, streamed
 from harness.truth.frame import Frame, TruthSource
-from harness.truth.network.limits import check_names_no_place
+from harness.truth.network.limits import check_xml
 from harness.truth.network.network import Network
 
 
@@ -30,7 +30,7 @@ class TrafficApart:
         def drive(send: Send[Any]) -> None:
             if not confine(folders):
                 for file in network.files:
-                    check_names_no_place(file)
+                    check_xml(file, names_no_place=True)
             truth = start(lambda: send(None))
             send((truth.step_s, truth.expected_steps))
             for frame in truth.frames():

@@ -10,6 +10,7 @@ import pytest
 
 from harness.commands.app import run_command_line
 from harness.common.errors import InputError
+from harness.truth.network.limits import check_xml
 from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import open_traffic
 
@@ -48,7 +49,7 @@ def replaced(name: str, value: str) -> str:
     [
         ("speed", "0"), ("speed", "-1"), ("speed", "nan"), ("speed", "1e9"), ("length", "nan"), ("length", "0"),
         ("index", "-1"), ("speed", "0x10000"),
-        ("length", "inf"), ("length", "-5"), ("width", "1e6"), ("width", "0"), ("width", "nan"),
+        ("length", "inf"), ("length", "-5"), ("width", "1e6"), ("width", "9"), ("width", "0"), ("width", "nan"),
         ("shape", "0,0 nan,3"), ("shape", "0,0 1e300,1"), ("shape", "a,b"), ("shape", "0,0 200,0 20,1 300,0"),
     ],
 )  # fmt: skip
@@ -62,19 +63,19 @@ def test_a_lane_that_no_road_has_is_refused_in_one_line(name, value, tmp_path, c
     assert time.perf_counter() - begin < 10.0
 
 
+NO_TYPE = (
+    'length="1e9"; width="nan"; width="8"; tau="inf"; tau="9"; minGap="45"; speedDev="0x10"; lcAssertive="inf"; '
+    'lcSpeedGain="-1e9"; maxSpeed="0x1p300"; maxSpeedLat="0.8f"; accel="0.01"; speedFactor="8"; color="1,nan,0"; '
+    'speedFactor="normc(1,5,0.2,9)"; vClass="bicycle" length="12"'
+)
+
+
 @pytest.mark.parametrize(
     "routes",
     [
         VEHICLES.replace('number="3"', 'vehsPerHour="1e12"'),
         VEHICLES.replace('number="3"', 'number="1e12"'),
-        VEHICLES.replace("<route ", '<vType id="t" length="1e9"/><route '),
-        VEHICLES.replace("<route ", '<vType id="t" width="nan"/><route '),
-        VEHICLES.replace("<route ", '<vType id="t" tau="inf"/><route '),
-        VEHICLES.replace("<route ", '<vType id="t" speedDev="0x10"/><route '),
-        VEHICLES.replace("<route ", '<vType id="t" lcAssertive="inf"/><route '),
-        VEHICLES.replace("<route ", '<vType id="t" maxSpeedLat="0.8f"/><route '),
-        VEHICLES.replace("<route ", '<vType id="t" lcSpeedGain="-1e9"/><route '),
-        VEHICLES.replace("<route ", '<vType id="t" maxSpeed="0x1p300"/><route '),
+        *(VEHICLES.replace("<route ", f'<vType id="t" {said}/><route ') for said in NO_TYPE.split("; ")),
         VEHICLES[:60],
         VEHICLES.replace("<flow ", '<flow departSpeed="2000000000" '),
         VEHICLES.replace("<flow ", '<flow departSpeed="nan" '),
@@ -85,6 +86,27 @@ def test_vehicles_that_can_not_be_are_refused_in_one_line(routes, tmp_path):
     with pytest.raises(InputError, match=r"own\.rou\.xml") as told:
         load_network(own(tmp_path, routes=routes))
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("said", ['color="1,0.5,0" speedFactor="norm(1,0)"', 'color="red" length="18" vClass="bus"'])
+def test_types_as_public_scenarios_state_them_are_taken(said, tmp_path):
+    load_network(own(tmp_path, routes=VEHICLES.replace("<route ", f'<vType id="t" {said} minGap="2.5"/><route ')))
+
+
+RED = '<tlLogic id="x" type="static" programID="0" offset="0"><phase duration="9" state="rr"/></tlLogic></net>'
+
+
+@pytest.mark.parametrize(("old", "new"), [('"upstream" to="auxiliary"', '"upstream" to="upstream"'), ("</net>", RED)])
+def test_connections_of_edges_that_do_not_meet_and_signals_that_stay_red_are_refused(old, new, tmp_path):
+    (tmp_path / "a.net.xml").write_text(NET.replace(old, new))
+    with pytest.raises(InputError, match=r"a\.net\.xml: (connection from upstream to upstream|tlLogic x)"):
+        check_xml(tmp_path / "a.net.xml")
+
+
+def test_a_pavement_may_be_drawn_by_its_outline(tmp_path):
+    lane = '<lane id=":w_0" allow="pedestrian" speed="1" length="3" width="12" shape="0,0 30,0 30,9 0,9"/>'
+    (tmp_path / "a.net.xml").write_text(f"<net>{lane}</net>")
+    check_xml(tmp_path / "a.net.xml")
 
 
 def test_a_vehicle_that_departs_faster_than_its_type_can_is_an_error_of_the_input(tmp_path, capsys):
