@@ -24,6 +24,7 @@ from typer.main import get_group
 
 from harness.commands.from_options import typer_command, with_values
 from harness.common import exit_codes
+from harness.common.error_text import in_words
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.signals import code_of_end, ends_like_ctrl_c, told_to_end
 from mmpf.registry import Entry, Registry, UnknownNameError
@@ -108,7 +109,6 @@ def other_checkout(place: Path, running: Path) -> Path | None:
 def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) -> int:
     """Run a command and turn whatever ends it into an exit code."""
     try:
-        _refuse_pipes(arguments)
         outcome = group(args=_completed(arguments, called), prog_name="python -m harness", standalone_mode=False)
         sys.stdout.flush()
     except (BrokenPipeError, SystemExit) as error:
@@ -149,7 +149,8 @@ def _told(error: BaseException) -> tuple[str, int]:
         case RunError():
             told = str(error), EXIT_RUN_FAILED
         case OSError():
-            told = _of_the_system(error), EXIT_RUN_FAILED if error.errno in NO_ROOM else EXIT_USER_ERROR
+            fix = "choose another file or folder, or make room"
+            told = f"{in_words(error)}; {fix}", EXIT_RUN_FAILED if error.errno in NO_ROOM else EXIT_USER_ERROR
         case MemoryError():
             told = "out of memory; make the run smaller or the machine larger", EXIT_RUN_FAILED
         case _:
@@ -158,24 +159,6 @@ def _told(error: BaseException) -> tuple[str, int]:
                 traceback.print_exception(error)
             told = _of_the_program(error), exit_codes.INTERNAL
     return told
-
-
-def _refuse_pipes(arguments: Sequence[str]) -> None:
-    """Refuse a pipe in the place of a file: reading it would wait for ever; those of a shell's ``<(...)`` are fine."""
-    for word in arguments:
-        path = Path(word.partition("=")[2] if word.startswith("--") and "=" in word else word)
-        try:
-            is_pipe = path.is_fifo() and not str(path).startswith(("/dev/", "/proc/"))
-        except (OSError, ValueError):
-            continue
-        if is_pipe:
-            raise InputError(f"{path} is a pipe; give a file or folder")
-
-
-def _of_the_system(error: OSError) -> str:
-    """Return a sentence on what the operating system refused: a full disk, a long name, missing permissions."""
-    file = f"{str(error.filename)[:200]}: " if error.filename else ""
-    return f"{file}{error.strerror or error}; choose another file or folder, or make room"
 
 
 def _of_the_program(error: BaseException) -> str:

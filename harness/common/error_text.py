@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import difflib
+import os
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from pydantic import ValidationError
+
+from harness.common.errors import RunError
 
 MOST_NAMED = 8
 
@@ -52,3 +55,10 @@ def what_it_raised(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     place = f", {Path(frames[-1].filename).name} line {frames[-1].lineno}" if frames else ""
     return " ".join(f"{type(error).__name__}: {error}{place}".split())
+
+
+def in_words(error: BaseException) -> str:
+    """Return what ended a run on one line, such as what the system refused: a full disk, a long name."""
+    if isinstance(error, OSError) and error.errno:
+        return f"{str(error.filename)[:200]}: " * bool(error.filename) + os.strerror(error.errno)
+    return str(error) if isinstance(error, RunError) else what_it_raised(error)

@@ -12,6 +12,8 @@ from typing import Any
 
 import tomli_w
 
+from harness.common.errors import InputError
+
 TEMPORARY = ".partial"
 _TEMPORARY_NAME = re.compile(rf"\..+\.[0-9]+{re.escape(TEMPORARY)}")
 
@@ -23,6 +25,8 @@ def replacing(final: Path) -> Iterator[Path]:
     What is there but is no file, such as ``/dev/stdout``, is yielded itself; a link is followed.
     """
     final = Path(os.path.realpath(final))
+    if final.is_fifo():
+        raise InputError(f"{final} is a pipe, which may never be read; give a file")
     if final.exists() and not final.is_file():
         yield final
         return

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from harness.common.error_text import in_words
 from harness.common.errors import RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
@@ -152,12 +153,8 @@ def _ends_in_one_line(what: str, done: Mapping[str, Row], runs: int) -> Iterator
     except KeyboardInterrupt:
         raise RunInterruptedError(f"interrupted after {len(done)} of {runs} runs; {fix}") from None
     except (OSError, MemoryError) as error:
-        problem = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        if isinstance(error, OSError) and error.strerror:
-            problem = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-        raise RunError(
-            f"{what} can't continue ({problem}); {len(done)} of {runs} runs are kept; fix this, then {fix}"
-        ) from error
+        kept = f"{len(done)} of {runs} runs are kept"
+        raise RunError(f"{what} can't continue ({in_words(error)}); {kept}; fix this, then {fix}") from error
 
 
 def _write_manifest(out: Path, command: str, grid: GridPlan, status: str, runs: int) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from harness.common.error_text import what_it_raised
+from harness.common.error_text import in_words
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.isolation import trusted
 from harness.common.progress import progress_bar, working
@@ -123,11 +123,11 @@ def run(
             pending.discard()
             if isinstance(error, RunError):
                 raise
-            raise RunError(f"the run failed before its first step: {_in_words(error)}") from error
+            raise RunError(f"the run failed before its first step: {in_words(error)}") from error
         left = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
         if runfolder.MANIFEST not in left:
             left = left.replace("steps are", f"steps and the traceback ({runfolder.MANIFEST}) are")
-        raise RunError(f"the run failed after {attempt.steps} steps: {_in_words(error)}; {left}") from error
+        raise RunError(f"the run failed after {attempt.steps} steps: {in_words(error)}; {left}") from error
     finally:
         attempt.close()
 
@@ -162,15 +162,7 @@ def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, pro
         except (OSError, MemoryError) as error:
             # A folder that lacks some of its tables is of no use, and takes room that there is none of.
             pending.discard()
-            return f"the finished steps could not be kept ({_in_words(error)})"
-
-
-def _in_words(error: BaseException) -> str:
-    if isinstance(error, RunError):
-        return str(error)
-    if isinstance(error, OSError):
-        return f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
-    return what_it_raised(error)
+            return f"the finished steps could not be kept ({in_words(error)})"
 
 
 class _Attempt:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
@@ -12,15 +13,12 @@ import pyarrow.parquet as pq
 from harness.common.files import replacing
 from harness.storage.tables import write_table
 
-PART = ".part"
-
 
 class GrowingTables:
     """The tables of a folder that get the rows of one stretch after another.
 
     The first stretch is the table as ``write_table`` leaves it. Each later one lies beside it, whole or not at all,
-    until ``close`` puts them together; in the finished table each stretch is a row group. Where there is no room for
-    that, ``close_or_leave_apart`` lets them lie there under names that show.
+    until ``close`` puts them together; in the finished table each stretch is a row group.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -38,7 +36,8 @@ class GrowingTables:
             parts, stretches = self._parts.setdefault(name, []), self._stretches.setdefault(name, [])
             if stretch in stretches:
                 continue
-            path = self._folder / (f".{name}.{stretch}{PART}" if parts else name)
+            stem, suffix = Path(name).stem, Path(name).suffix
+            path = self._folder / (f"{stem}-{len(parts) + 1}{suffix}" if parts else name)
             write_table(table, path)
             parts.append(path)
             stretches.append(stretch)
@@ -61,17 +60,11 @@ class GrowingTables:
 
     def close_or_leave_apart(self) -> list[str]:
         """Finish those tables that there is room for, and return the files with the later rows of the others."""
-        apart = []
         # The smallest first: each that is done makes room for the next.
         for name in sorted(self._parts, key=lambda name: sum(part.stat().st_size for part in self._parts[name])):
-            try:
+            with suppress(OSError, MemoryError, pa.ArrowException):
                 self._close(name)
-            except (OSError, MemoryError, pa.ArrowException):
-                parts, stem = self._parts[name], Path(name)
-                for number, part in enumerate(parts[1:], start=1):
-                    parts[number] = part.rename(self._folder / f"{stem.stem}-{number + 1}{stem.suffix}")
-                    apart.append(parts[number].name)
-        return apart
+        return [part.name for parts in self._parts.values() for part in parts[1:]]
 
     def _close(self, name: str) -> None:
         parts = self._parts[name]
