@@ -102,13 +102,6 @@ def test_a_signal_that_is_ignored_as_under_nohup_stays_ignored():
         signal.signal(signal.SIGHUP, previous)
 
 
-def test_a_pipe_in_a_files_place_is_refused_before_anything_is_read(tmp_path, capsys):
-    os.mkfifo(tmp_path / "pipe")
-    for option in ("--net", "--replay", "--config", "--model-file", "--out"):
-        assert run_command_line(["run", option, str(tmp_path / "pipe")]) == exit_codes.WRONG_INPUT
-    assert capsys.readouterr().err.count("error:") == 5
-
-
 def test_a_fault_of_the_program_is_one_line_and_on_demand_a_traceback(monkeypatch, capsys):
     monkeypatch.setattr("harness.commands.nets.command", lambda: {}["gone"])
     assert run_command_line(["nets"]) == exit_codes.INTERNAL

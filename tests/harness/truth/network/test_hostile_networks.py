@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from pathlib import Path
 
@@ -88,11 +89,6 @@ def test_vehicles_that_can_not_be_are_refused_in_one_line(routes, tmp_path):
     assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize("said", ['color="1,0.5,0" speedFactor="norm(1,0)"', 'color="red" length="18" vClass="bus"'])
-def test_types_as_public_scenarios_state_them_are_taken(said, tmp_path):
-    load_network(own(tmp_path, routes=VEHICLES.replace("<route ", f'<vType id="t" {said} minGap="2.5"/><route ')))
-
-
 RED = '<tlLogic id="x" type="static" programID="0" offset="0"><phase duration="9" state="rr"/></tlLogic></net>'
 
 
@@ -103,9 +99,10 @@ def test_connections_of_edges_that_do_not_meet_and_signals_that_stay_red_are_ref
         check_xml(tmp_path / "a.net.xml")
 
 
-def test_a_pavement_may_be_drawn_by_its_outline(tmp_path):
+def test_colours_distributions_and_pavements_drawn_by_their_outline_are_taken(tmp_path):
     lane = '<lane id=":w_0" allow="pedestrian" speed="1" length="3" width="12" shape="0,0 30,0 30,9 0,9"/>'
-    (tmp_path / "a.net.xml").write_text(f"<net>{lane}</net>")
+    types = '<vType id="a" color="1,0.5,0" speedFactor="norm(1,0)"/><vType id="b" color="red" vClass="bus"/>'
+    (tmp_path / "a.net.xml").write_text(f"<net>{lane}{types}</net>")
     check_xml(tmp_path / "a.net.xml")
 
 
@@ -145,7 +142,6 @@ def run_on(path: str, folder: Path) -> int:
     return run_command_line([*command, "--tracker", "tests.harness.stand_ins:echo_tracker"])
 
 
-BESIDE, ELSEWHERE = 'file="victim"', 'file="{}/victim"'
 WRITERS = {
     "detector": '<inductionLoop id="d" lane="upstream_1" pos="10" period="1" {}/>',
     "types": '<vTypeProbe id="p" period="1" {}/>',
@@ -153,7 +149,7 @@ WRITERS = {
 }
 
 
-@pytest.mark.parametrize("where", [BESIDE, ELSEWHERE])
+@pytest.mark.parametrize("where", ['file="victim"', 'file="{}/victim"'])
 @pytest.mark.parametrize("writer", WRITERS)
 @pytest.mark.parametrize("within", ["net", "additional"])
 def test_no_element_of_any_file_writes_outside_of_the_run(within, writer, where, tmp_path, monkeypatch, capsys):
@@ -211,9 +207,7 @@ def hostile_demand(entry: str) -> str:
 )  # fmt: skip
 def test_a_demand_that_no_road_carries_is_refused(old, new, tmp_path):
     assert old in METADATA
-    for file in US101.iterdir():
-        if file.is_file():
-            (tmp_path / file.name).write_bytes(file.read_bytes())
+    shutil.copytree(US101, tmp_path, dirs_exist_ok=True)
     (tmp_path / "network.toml").write_text(METADATA.replace(old, new, 1))
     with pytest.raises(InputError, match=r"network\.toml"):
         load_network(str(tmp_path))
