@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import mmap
 import os
 import sys
 from collections.abc import Iterator
@@ -27,9 +28,9 @@ BOUNDS = {
     "std_lon_m": (0.0, FARTHEST), "std_lat_m": (0.0, FARTHEST), "std_speed_mps": (0.0, FARTHEST),
     "existence": (0.0, 1.0), "state": (0, len(TRACK_STATES) - 1),
 }  # fmt: skip
-
-
 MAY_BE_UNKNOWN = frozenset({"speed_mps", "lat_speed_mps", "accel_mps2", "std_speed_mps"})
+TOLD_OF_FORK = mmap.mmap(-1, 1)
+"""Shared with forks, so that only the first tells: a tracker may fork at every step."""
 
 
 @contextmanager
@@ -48,8 +49,10 @@ def blamed_on(tracker: object, when: str) -> Iterator[None]:
         raise RunError(f"the tracker {described(tracker)} failed {when}: {what_it_raised(error)}") from error
     finally:
         if os.getpid() != owner:
-            sys.stderr.write(f"the tracker {described(tracker)} has forked this process {when}; the copy ends here\n")
-            sys.stderr.flush()
+            if not TOLD_OF_FORK[0]:
+                TOLD_OF_FORK[0] = 1
+                line = f"the tracker {described(tracker)} has forked this process {when}; the copy ends here"
+                print(line, file=sys.stderr, flush=True)  # noqa: T201
             os._exit(INTERNAL)
 
 
