@@ -107,9 +107,10 @@ def curves(
 ) -> Chart:
     """Return a chart of one line for each series with the band of its interval; points where the axis is categorical.
 
-    What ends in % has an axis to 100. Rows have the fields ``series``, ``place`` (a number or a word), ``mean``,
-    ``low`` and ``high`` (None without an interval), ``piece`` where lines have gaps, and what the tooltip tells, by its
-    names. ``limit`` is a horizontal line and what it says, ``marks`` are moments at which vertical lines stand.
+    Lines of what ends in % have an axis to 100; all other axes follow the values and their intervals. Rows have the
+    fields ``series``, ``place`` (a number or a word), ``mean``, ``low`` and ``high`` (None without an interval),
+    ``piece`` where lines have gaps, and what the tooltip tells, by its names. ``limit`` is a horizontal line and what
+    it says, ``marks`` are moments at which vertical lines stand.
     """
     places = list(dict.fromkeys(row["place"] for row in rows))
     in_words = any(isinstance(place, str) for place in places)
@@ -121,7 +122,7 @@ def curves(
         x_axis |= {"scale": {"zero": False, "nice": False, "padding": 12}, "axis": {"grid": False, **few}}
     names = [name for name, _ in lines]
     y: Spec = {"type": "quantitative", "title": None, "scale": {"zero": True}}
-    y["scale"] |= {"domain": [0, 102]} if title.endswith("%") else {}
+    y["scale"] |= {"domain": [0, 102]} if title.endswith("%") and not in_words else {}
     if all(not row["mean"] and not row.get("high") for row in rows):
         y["scale"]["domain"] = [0, 1]
     common: Spec = {"x": x_axis, "color": colour_by("series", lines)}

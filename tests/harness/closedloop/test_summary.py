@@ -1,13 +1,34 @@
 """What a closed loop tells, from tables of rows that are made up."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
 
 from harness.closedloop.plan import BRAKE, CROSS, FREE, KIND
-from harness.closedloop.summary import ALL, FREE_ONES, NEVER_SEEN, PROVOKED_ONES, SEEN_BEFORE, as_markdown, scores
-from harness.scoring.metrics.closedloop import COLLIDED, ENDED, IMPACT, IN_TIME, NO_CANDIDATE, QUANTITIES, TTC
+from harness.closedloop.summary import (
+    ALL,
+    FREE_ONES,
+    NEVER_SEEN,
+    PROVOKED_ONES,
+    SEEN_BEFORE,
+    as_markdown,
+    drive_charts,
+    scores,
+)
+from harness.common.charts import draw_charts
+from harness.scoring.metrics.closedloop import (
+    COLLIDED,
+    ENDED,
+    HARD_BRAKES,
+    IMPACT,
+    IN_TIME,
+    NO_CANDIDATE,
+    QUANTITIES,
+    TTC,
+)
 
 CROSSED = "drive.crossed_percent"
 OF_DRIVING = [quantity for quantity in QUANTITIES if quantity.key != IMPACT and "cross" not in quantity.key]
@@ -55,6 +76,17 @@ def test_six_episodes_without_a_collision_are_no_certainty():
     assert (score.mean, score.ci95[0], score.excess, score.excess_ci95) == (0.0, 0.0, 0.0, None)
     # Six independent episodes.
     assert score.ci95[1] == pytest.approx(100.0 * (1.0 - 0.025 ** (1.0 / 6.0)))
+
+
+def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
+    found = [score for score in scores(table_of()) if score.metric in (TTC, HARD_BRAKES)]
+    draw_charts(drive_charts(found), "drives", tmp_path / "drives.svg")
+    drawn = re.findall(
+        r"Y-axis for a linear scale with values from [0.]+ to ([\d.]+)", (tmp_path / "drives.svg").read_text()
+    )
+    for metric, most in zip((TTC, HARD_BRAKES), map(float, drawn), strict=True):
+        highest = max(score.ci95[1] for score in found if score.metric == metric)
+        assert highest <= most < 1.5 * highest
 
 
 def test_the_order_of_rows_changes_nothing():
