@@ -21,7 +21,7 @@ def _times(value: object) -> object:
 # Figures of false detections that are the sensor's own unless they are set here.
 FIGURES = (
     *("persistent_clutter_s", "persistent_clutter_probability", "persistent_clutter_moving"),
-    *("persistent_clutter_occluded", "mirrored_clutter_s", "mirrored_clutter_probability", "posts_probability"),
+    *("mirrored_clutter_s", "mirrored_clutter_probability", "posts_probability"),
 )
 COUNTS = ("clutter_per_scan", "persistent_clutter", "mirrored_clutter", "posts_per_km")
 
@@ -45,15 +45,11 @@ class AlteredSettings(WithoutTruthValues):
     """Mean length of such a burst."""
     hide_s: Annotated[tuple[Annotated[float, Field(gt=0.0, le=60.0)], ...], BeforeValidator(_times)] = ()
     """Durations for which the detections of moving vehicles are withheld (pseudo-occlusion)."""
-    hide_after_s: Positive = 2.0
-    """Time in view, without a gap above 0.5 s, before a vehicle may be withheld."""
     hide_share: Share = 0.3
     """Largest share of the detected vehicles that is withheld at one time."""
     half_range_m: Positive | None = None
     """Distance at which half the detections of vehicles are kept (logistic curve); if not set, all are kept.
     """
-    half_range_width_m: Positive = 8.0
-    """Scale of that curve: 73 % are kept this much nearer."""
     false_kept: bool = True
     """Whether the sensor's own false detections are kept."""
     clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
@@ -67,8 +63,6 @@ class AlteredSettings(WithoutTruthValues):
     """Probability that each of them is detected in a scan."""
     persistent_clutter_moving: Annotated[float | None, Field(ge=0.0, le=1.0)] = None
     """Share of them that moves along a lane with the traffic."""
-    persistent_clutter_occluded: bool | None = None
-    """Whether vehicles hide added persistent objects from the sensor."""
     mirrored_clutter: Count = 0.0
     """Expected number of added false objects that mirror a real vehicle."""
     mirrored_clutter_s: Positive | None = None

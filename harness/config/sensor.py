@@ -58,9 +58,7 @@ class SensorSettings(WithoutTruthValues):
     detectability_spread: Probability = 0.2
     """Standard deviation of these factors."""
     detectability_narrow: Probability = 1.0
-    """Additional factor for narrow vehicles, e.g. motorcycles."""
-    detectability_narrow_m: Positive = 1.2
-    """Width below which a vehicle is narrow."""
+    """Additional factor for vehicles narrower than 1.2 m, e.g. motorcycles."""
     full_view_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = 0.7
     """Visible fraction from which a vehicle is in plain view; below it, detection falls and noise grows."""
     hidden_fraction: Probability = 0.15
@@ -126,8 +124,6 @@ class SensorSettings(WithoutTruthValues):
     """Standard deviation of the measured width; the sensor measures sizes if both are set."""
     std_range_rate_mps: Positive | None = None
     """Standard deviation of the measured range rate; not set if the sensor does not measure it."""
-    speed_obliquity_deg: Annotated[float, Field(gt=0.0, lt=90.0)] = 60.0
-    """The range rate yields a speed if the line of sight is within this angle of the road."""
     score_separation: NotNegative = 0.0
     """Distance of the scores of true and false detections in standard deviations of their logarithmic odds, which are
     normal; the odds are right, as of a calibrated detector. 2.2 fits PointRCNN on KITTI; 0: no scores.
@@ -136,15 +132,11 @@ class SensorSettings(WithoutTruthValues):
     """Probability that the class of a detection is right; the others are equally likely. It is also in the data sheet.
     0: no classes.
     """
-    road_width_m: Positive = 18.3
-    """Road width over which trackers assume uniform clutter."""
     reported_factor: Positive = 1.0
     """Factor on the reported standard deviation in plain view, relative to the true one."""
     reported_spread: Probability = 0.25
     """Standard deviation of the logarithm of the reported deviation across detections; another half of it per
     quantity."""
-    reported_view: Probability = 0.25
-    """Exponent with which the true growth of the noise of hidden vehicles appears in the reported deviation."""
     nominal_detection_probability: Probability = 0.95
     """Data sheet: probability of detecting a vehicle in plain view."""
     nominal_clutter_per_scan: Annotated[float, Field(ge=0.0, le=1000.0)] = 1.0

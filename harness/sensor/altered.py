@@ -28,6 +28,8 @@ from mmpf.numerics.arrays import BoolArray, joined, taken
 from mmpf.scan import BodyHeadings, BodySizes, Detections, Scan
 
 UNKNOWN_DIRECTION_RAD = float(np.pi)
+FADING_M = 8.0
+"""Scale of the logistic curve of kept detections: 73 % are kept this much nearer than where half are."""
 
 
 def altered(
@@ -52,7 +54,7 @@ def altered(
     if settings.burst_share > 0.0:
         snapshots = in_bursts(snapshots, Chain(settings.burst_share, settings.burst_s), bursts)
     if settings.half_range_m is not None:
-        snapshots = fading(snapshots, settings.half_range_m, settings.half_range_width_m, road, far)
+        snapshots = fading(snapshots, settings.half_range_m, road, far)
     if settings.adds:
         snapshots = with_false(snapshots, settings.of_added(sensor), road, adds)
     if settings.blind_s > 0.0:
@@ -113,14 +115,12 @@ def in_bursts(snapshots: Iterable[Snapshot], chain: Chain, rng: np.random.Genera
         )
 
 
-def fading(
-    snapshots: Iterable[Snapshot], half_m: float, width_m: float, road: Road, rng: np.random.Generator
-) -> Iterator[Snapshot]:
+def fading(snapshots: Iterable[Snapshot], half_m: float, road: Road, rng: np.random.Generator) -> Iterator[Snapshot]:
     """Yield snapshots in which detections of vehicles are lost with the distance, half of them at ``half_m``."""
     for snapshot in snapshots:
         detections, ego = snapshot.observation.scan.detections, snapshot.frame.ego_pose
         distance = sight_to(detections.lon_m, detections.lat_m, road, ego, 0.0).distance
-        kept = rng.random(len(distance)) * (1.0 + np.exp((distance - half_m) / width_m)) < 1.0
+        kept = rng.random(len(distance)) * (1.0 + np.exp((distance - half_m) / FADING_M)) < 1.0
         yield _kept(snapshot, kept | (snapshot.observation.truth_id == ""))
 
 

@@ -36,6 +36,8 @@ from mmpf.scan import (
 DECIMALS = 4
 MOST_CORRELATED = 0.999
 LEAST_SCORE = 0.001
+ROAD_WIDTH_M = 18.3
+"""Road width over which trackers assume uniform clutter."""
 
 
 def build_sensor(settings: SensorSettings) -> Sensor:
@@ -100,7 +102,7 @@ class RayedSensor:
 def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorModel:
     """Return the data sheet for trackers: the range is exact, everything else is rounded and nominal.
 
-    Clutter is taken to spread over a straight road of the settings' width. Where the road frame is the plane, it is
+    Clutter is taken to spread over a straight road of ``ROAD_WIDTH_M``. Where the road frame is the plane, it is
     taken to spread over as much of the map's lanes as lies in range on the average over the map, which a tracker that
     has the map could work out; without a map, over all that is in range.
 
@@ -108,7 +110,7 @@ def data_sheet(settings: SensorSettings, road: Road | None = None) -> SensorMode
         settings: The sensor's figures.
         road: Where it will be used; None for a straight road.
     """
-    area_m2 = (road or highway()).lane_area_m2(settings.range_m, settings.road_width_m)
+    area_m2 = (road or highway()).lane_area_m2(settings.range_m, ROAD_WIDTH_M)
     return SensorModel(
         range_m=settings.range_m,
         detection_probability=settings.nominal_detection_probability,

@@ -12,6 +12,8 @@ from harness.sensor.noise import hidden_share
 from harness.truth.frame import Frame
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, turned
 
+NARROW_M = 1.2
+"""Width below which a vehicle is narrow."""
 FRONT_SHARE = 0.35
 """Share of a long vehicle's length that its front box takes when it is split: a tractor before its trailer."""
 
@@ -46,7 +48,7 @@ def detectabilities(settings: SensorSettings, memory: SensorMemory, frame: Frame
         drawn = drawn_factors(settings, len(new), memory.streams.detectability)
         memory.detectability.update(zip(new, drawn.tolist(), strict=True))
         factor = np.array([memory.detectability[name] for name in frame.vehicle_id.tolist()])
-    narrow = frame.width_m < settings.detectability_narrow_m
+    narrow = frame.width_m < NARROW_M
     return np.where(narrow, settings.detectability_narrow * factor, factor)
 
 

@@ -16,6 +16,10 @@ from mmpf.numerics.arrays import FloatArray
 # A range rate says nothing of the motion across the line of sight; this is how fast vehicles drift across their lane.
 TYPICAL_LAT_SPEED_MPS = 0.35
 SMALLEST_BOX_M = 0.3
+LEAST_COSINE = np.cos(np.deg2rad(60.0))
+"""The range rate yields a speed if the line of sight is within 60 degrees of the box's axis."""
+REPORTED_VIEW = 0.25
+"""Exponent with which the true growth of the noise of hidden vehicles appears in the reported deviation."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ def reported_factors(settings: SensorSettings, visible_fraction: FloatArray, nor
         visible_fraction: How much of each vehicle is seen, shape (n,).
         normals: Standard normal numbers, shape (n, 6).
     """
-    seen = box_factor(settings, visible_fraction) ** settings.reported_view
+    seen = box_factor(settings, visible_fraction) ** REPORTED_VIEW
     spread = settings.reported_spread * (normals[:, :1] + 0.5 * normals[:, 1:])
     return np.asarray(settings.reported_factor * seen[:, None] * np.exp(spread))
 
@@ -152,7 +156,7 @@ def measured_speed(
         nothing = np.full(len(angle_rad), np.nan)
         return nothing, nothing
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    usable = np.abs(cosine) >= np.cos(np.deg2rad(settings.speed_obliquity_deg))
+    usable = np.abs(cosine) >= LEAST_COSINE
     divisor = np.where(usable, cosine, np.nan)
     along_line = speed_mps * cosine + lat_speed_mps * sine
     speed = (along_line + settings.std_range_rate_mps * normals) / divisor

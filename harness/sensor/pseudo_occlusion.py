@@ -19,6 +19,8 @@ from mmpf.numerics.arrays import BoolArray, FloatArray
 
 MOVING_MPS = 1.0
 """Speed above which a vehicle may be hidden."""
+HIDE_AFTER_S = 2.0
+"""Time in view before a vehicle may be hidden."""
 LONGEST_GAP_S = 0.5
 """Longest time between two detections of a vehicle that is in view all along."""
 TIME_TOLERANCE_S = 1e-6
@@ -43,7 +45,7 @@ def hidden_on_purpose(
 ) -> Iterator[Snapshot]:
     """Yield snapshots in which some vehicles are hidden for a time: they give no detection, and their state is hidden.
 
-    A vehicle may be hidden once it moves and has been in view for ``hide_after_s`` and a delay, uniform up to as much
+    A vehicle may be hidden once it moves and has been in view for two seconds and a delay, uniform up to as much
     again. How long is drawn from ``hide_s`` for each. At most ``hide_share`` of the detected vehicles are hidden at a
     time, at least one.
     """
@@ -52,20 +54,18 @@ def hidden_on_purpose(
     for snapshot in snapshots:
         if snapshot.frame.episode != episode:
             known, episode = {}, snapshot.frame.episode
-        _note_detections(known, snapshot, settings, rng)
+        _note_detections(known, snapshot, rng)
         _hide(known, snapshot, settings, rng)
         yield _without_hidden(known, snapshot)
 
 
-def _note_detections(
-    known: dict[str, _Vehicle], snapshot: Snapshot, settings: AlteredSettings, rng: np.random.Generator
-) -> None:
+def _note_detections(known: dict[str, _Vehicle], snapshot: Snapshot, rng: np.random.Generator) -> None:
     time_s = snapshot.frame.time_s
     for name in sorted(set(snapshot.observation.truth_id.tolist()) - {""}):
         vehicle = known.get(name)
         if vehicle is None or time_s - vehicle.seen_s > LONGEST_GAP_S + TIME_TOLERANCE_S:
             hidden = (vehicle.hidden_from_s, vehicle.hidden_for_s) if vehicle else (-np.inf, 0.0)
-            known[name] = vehicle = _Vehicle(time_s, time_s, settings.hide_after_s * rng.random(), *hidden)
+            known[name] = vehicle = _Vehicle(time_s, time_s, HIDE_AFTER_S * rng.random(), *hidden)
         vehicle.seen_s = time_s
         if vehicle.is_hidden(time_s):
             vehicle.since_s = time_s
@@ -78,10 +78,10 @@ def _hide(known: dict[str, _Vehicle], snapshot: Snapshot, settings: AlteredSetti
     room = max(1.0, settings.hide_share * len(seen)) - sum(known[name].is_hidden(frame.time_s) for name in known)
     for name in rng.permutation(np.array(seen, dtype=np.str_)).tolist():
         vehicle = known[name]
-        waited = frame.time_s - vehicle.since_s >= settings.hide_after_s + vehicle.delay_s
+        waited = frame.time_s - vehicle.since_s >= HIDE_AFTER_S + vehicle.delay_s
         if room >= 1.0 and waited and not vehicle.is_hidden(frame.time_s) and abs(speed[name]) > MOVING_MPS:
             vehicle.hidden_from_s, vehicle.hidden_for_s = frame.time_s, float(rng.choice(settings.hide_s))
-            vehicle.delay_s, vehicle.since_s = settings.hide_after_s * rng.random(), frame.time_s
+            vehicle.delay_s, vehicle.since_s = HIDE_AFTER_S * rng.random(), frame.time_s
             room -= 1.0
 
 

@@ -15,6 +15,8 @@ from mmpf.options.joint import JointOptions, JointPath
 
 LOG_MOVED = float(np.log(0.01))
 """A source has moved if its speed at some time was so unlikely for one that stands."""
+REPORT_ABOVE = 0.6
+"""Existence probability above which a component may be reported."""
 SAME_PLACE_SHARE, KNOWN_PLACE_STD_LON_M = 0.75, 1.0
 """No component is confirmed within this share of a length and a width of a confirmed one with a smaller spread."""
 
@@ -27,7 +29,7 @@ def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -
         in_path: Which lie in the ego's path: these are reported with any probability of a vehicle, shape (m,).
         options: Settings of the joint rule.
     """
-    known = components.existence > options.existence.report_above
+    known = components.existence > REPORT_ABOVE
     known &= is_longer(components.detected_s, options.existence.confirm_s)
     probable = components.vehicle > options.kinds.confirm_above
     return np.asarray(~components.confirmed & known & (probable | in_path | moved_along(components, options)))

@@ -22,6 +22,11 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.options.joint import JointIdentity
 from mmpf.stages.update_rule import Finetuned
 
+KERNEL_WIDTHS = 2.0, 0.7, 2.0
+"""Widths of the kernel around each of the hidden component's particles: longitudinal, lateral, in speed."""
+BOTH_SEEN_S = 0.5
+"""Longest time after the new component's birth at which the hidden one may still have had detections."""
+
 
 def hand_over_identity(
     mixture: Mixture,
@@ -41,7 +46,7 @@ def hand_over_identity(
         mixture: The belief.
         moments: Its components' moments.
         confirmed_now: Components confirmed in this scan, shape (m,).
-        options: Kernel widths and the density of unknown vehicles.
+        options: The density of unknown vehicles.
         scan_s: Time between scans.
 
     Returns:
@@ -53,8 +58,8 @@ def hand_over_identity(
     new = np.flatnonzero(confirmed_now)
     if len(old) == 0 or len(new) == 0:
         return Finetuned(mixture, moments=moments)
-    density = _density_at(mixture, moments, new, old, options) * components.existence[old]
-    was_unseen_by_then = components.unseen_s[old][None, :] > components.age_s[new][:, None] - options.both_seen_s
+    density = _density_at(mixture, moments, new, old) * components.existence[old]
+    was_unseen_by_then = components.unseen_s[old][None, :] > components.age_s[new][:, None] - BOTH_SEEN_S
     possible = was_unseen_by_then | components.withdrawn[old]
     log_ratio = np.log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
     rows, columns = linear_sum_assignment(np.maximum(log_ratio, 0.0), maximize=True)
@@ -73,7 +78,7 @@ def hand_over_identity(
     return Finetuned(renamed.keep(keep), int(linked.sum()), moments.take(keep))
 
 
-def _density_at(mixture: Mixture, moments: Moments, new: IntArray, old: IntArray, options: JointIdentity) -> FloatArray:
+def _density_at(mixture: Mixture, moments: Moments, new: IntArray, old: IntArray) -> FloatArray:
     """Return the density that the old components' particles give to the new ones' place and speed, shape (k, h)."""
     cloud, starts = mixture.cloud, mixture.starts
     sizes = np.diff(starts)[old]
@@ -81,7 +86,6 @@ def _density_at(mixture: Mixture, moments: Moments, new: IntArray, old: IntArray
     particles = np.arange(sizes.sum()) + np.repeat(starts[old] - begins, sizes)
     off_lon, off_lat, faster = (cloud.state[row, particles] - moments.mean[row, new, None] for row in (LON, LAT, SPEED))
     along, across = turned(off_lon, off_lat, moments.heading_rad[new, None])
-    widths = options.kernel_lon_m, options.kernel_lat_m, options.kernel_speed_mps
-    squares = sum((off / width) ** 2 for off, width in zip((along, across, faster), widths, strict=True))
+    squares = sum((off / width) ** 2 for off, width in zip((along, across, faster), KERNEL_WIDTHS, strict=True))
     shares = np.exp(cloud.log_weight[particles] - 0.5 * squares)
-    return np.asarray(np.add.reduceat(shares, begins, axis=1) / ((2.0 * np.pi) ** 1.5 * np.prod(widths)))
+    return np.asarray(np.add.reduceat(shares, begins, axis=1) / ((2.0 * np.pi) ** 1.5 * np.prod(KERNEL_WIDTHS)))

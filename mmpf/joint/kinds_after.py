@@ -17,6 +17,11 @@ from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointOptions
 from mmpf.stages.update_rule import Situation
 
+OVERLAP_SHARE = 0.6
+"""Two objects nearer than this share of a length and a width cannot both be vehicles."""
+OVERLAP_PER_S = 3.0
+"""Log odds that the less probable of the two loses per second; on the ego itself every object loses them."""
+
 
 def ended_meanwhile(
     sources: Sources, learned: FalseObjects, dt_s: float, options: JointOptions
@@ -101,10 +106,10 @@ def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, si
     """
     joint, share, dt_s = options.joint, sources.vehicle_share, situation.dt_s
     is_seen = sources.unseen_s <= options.reporting.hidden_after_s
-    overlaps = overlapping(sources, moments, joint.kinds.overlap_share)
+    overlaps = overlapping(sources, moments, OVERLAP_SHARE)
     overlaps &= is_seen[:, None] & is_seen & (share[:, None] < share)
-    stays = np.where(np.asarray(overlaps.any(axis=1)), joint.kinds.overlap_per_s * dt_s, 0.0)
+    stays = np.where(np.asarray(overlaps.any(axis=1)), OVERLAP_PER_S * dt_s, 0.0)
     touch, share_of_way = driven_through(sources, moments, joint.merging.speed_mps, dt_s)
     passes = -(share_of_way * np.log1p(-touch * (sources.vehicle * is_seen))).sum(axis=1)
-    on_ego = probability_on_ego(sources, moments, situation.plane, joint.kinds.overlap_share)
-    return np.asarray(np.maximum(np.maximum(stays, is_seen * passes), on_ego * joint.kinds.overlap_per_s * dt_s))
+    on_ego = probability_on_ego(sources, moments, situation.plane, OVERLAP_SHARE)
+    return np.asarray(np.maximum(np.maximum(stays, is_seen * passes), on_ego * OVERLAP_PER_S * dt_s))

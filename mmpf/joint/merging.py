@@ -17,6 +17,8 @@ from mmpf.options.joint import JointMerging
 
 # Two whose directions differ by more than 60 degrees are two.
 SAME_WAY = 0.5
+EXISTENCE_ABOVE = 0.3
+"""Less probable components do not merge, so that a stray detection cannot replace a track."""
 
 
 def merge_lasting_overlaps(
@@ -53,7 +55,7 @@ def merge_lasting_overlaps(
     apart = (np.abs(along) >= lon_m) | (np.abs(across) >= lat_m)
     apart |= np.abs(mean[SPEED][:, None] - mean[SPEED][None, :]) >= options.speed_mps
     both = components.confirmed[:, None] & components.confirmed[None, :]
-    there = alive & (components.existence > options.existence_above)
+    there = alive & (components.existence > EXISTENCE_ABOVE)
     apart |= ~(there[:, None] & there[None, :])
     has_own_detection = components.unseen_s == 0.0
     apart |= both & has_own_detection[:, None] & has_own_detection[None, :]

@@ -67,8 +67,6 @@ class JointExistence(Settings):
     """Largest existence probability. A lower bound would restore doubt in every scan, and a few misses in a shadow
     would make it grow; ``death_rate_per_s`` already models disappearance.
     """
-    report_above: Probability = 0.6
-    """Existence probability above which a component may be reported."""
     confirm_s: NotNegative = 0.2
     """Detected time that a component needs after its first detection before it is reported; each detection adds the
     time since the previous scan.
@@ -84,10 +82,6 @@ class JointKinds(Settings):
     """Detected time after which an object that has moved is reported with any probability of a vehicle."""
     largest_log_odds: Positive = 6.0
     """Bound on the log odds between vehicle and false object."""
-    overlap_share: NotNegative = 0.6
-    """Two objects nearer than this share of a length and a width cannot both be vehicles."""
-    overlap_per_s: NotNegative = 3.0
-    """Log odds that the less probable of the two loses per second; on the ego itself every object loses them."""
     score_correlation: Probability = 0.5
     """Correlation between the log odds of two scores of one object: 0 counts each score in full, 1 only their mean.
     On KITTI's sequences outside its validation set it is 0.40 to 0.48.
@@ -216,8 +210,6 @@ class JointMerging(Settings):
     """Components overlap if their means are nearer than this along the road and ``lat_m`` across it."""
     lat_m: Positive = 1.4
     """See ``lon_m``."""
-    existence_above: Probability = 0.3
-    """Components with a lower existence probability do not merge, so that a stray detection cannot replace a track."""
     speed_mps: Positive = 4.0
     """Components whose speeds differ by more are not merged: the vehicles pass each other."""
     after_s: NotNegative = 0.27
@@ -235,14 +227,6 @@ class JointIdentity(Settings):
     """Density of vehicles never detected before; the hidden component must explain the new position and speed with a
     higher density.
     """
-    kernel_lon_m: Positive = 2.0
-    """Width of the kernel around each of the hidden component's particles, longitudinal."""
-    kernel_lat_m: Positive = 0.7
-    """Width of that kernel, lateral."""
-    kernel_speed_mps: Positive = 2.0
-    """Width of that kernel, in speed."""
-    both_seen_s: NotNegative = 0.5
-    """Longest time after the new component's birth at which the hidden one may still have had detections."""
 
 
 class JointOptions(Settings):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from mmpf.options.base import Positive, Probability, Settings
 
@@ -24,7 +24,7 @@ class PaperAssociation(Settings):
 
 
 class PaperExistence(Settings):
-    """When a component starts, what it weighs at least, and when it is believed."""
+    """When a component starts, and what it weighs at least."""
 
     added_particles: Probability = 0.1
     """a of the paper, as a share of one component's particles: a detection that fewer particles chose starts a
@@ -37,8 +37,6 @@ class PaperExistence(Settings):
     weights_anew: bool = False
     """Whether component weights are reset to equal values before every scan, so that equation (11) uses that scan
     alone."""
-    confirm_hits: Annotated[int, Field(ge=1)] = 3
-    """Scans with an update before a component is reported."""
 
 
 class PaperRemoval(Settings):
@@ -104,7 +102,7 @@ class MaxLikelihoodOptions(Settings):
     association: PaperAssociation = PaperAssociation()
     """Which components take part in the measurement update."""
     existence: PaperExistence = PaperExistence()
-    """When a component starts and is believed."""
+    """When a component starts."""
     removal: PaperRemoval = PaperRemoval()
     """When a component is let go."""
     resampling: PaperResampling = PaperResampling()

@@ -29,6 +29,8 @@ from mmpf.visibility.shadows import shadowed_share, visible_fractions
 
 SHADOWED_SHARE = 0.85
 """A component with at least this share of its extent in shadow counts as completely occluded."""
+CONFIRM_HITS = 3
+"""Scans with an update before a component is reported."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,7 @@ class MaxLikelihoodUpdate:
         """Recluster the particles of components that touch by k-medoids, and confirm those old enough."""
         rule, components = self.options.max_likelihood, mixture.components
         touch = rule.reclustering
-        confirmed = components.confirmed | (components.hits >= rule.existence.confirm_hits)
+        confirmed = components.confirmed | (components.hits >= CONFIRM_HITS)
         mixture = replace(mixture, components=replace(components, confirmed=confirmed))
         return Finetuned(*recluster(mixture, moments, touch, rng))
 

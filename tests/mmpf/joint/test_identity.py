@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
-from mmpf.joint.identity import hand_over_identity
+from mmpf.joint.identity import KERNEL_WIDTHS, hand_over_identity
 from mmpf.joint.kinds import STANDING, certain_vehicles
 from mmpf.motion.state import LON
 from mmpf.options.joint import JointIdentity
@@ -68,9 +68,8 @@ def test_who_is_too_far_away_or_too_fast_is_somebody_else() -> None:
 @pytest.mark.parametrize("existence", [0.2, 0.9])
 @pytest.mark.parametrize("axis", ["place", "speed"])
 def test_the_hidden_one_must_explain_it_better_than_a_vehicle_never_seen(axis: str, existence: float) -> None:
-    kernel = (OPTIONS.kernel_lon_m, OPTIONS.kernel_lat_m, OPTIONS.kernel_speed_mps)
-    peak = existence / ((2.0 * np.pi) ** 1.5 * np.prod(kernel))
-    reach = np.sqrt(2.0 * np.log(peak / OPTIONS.unknown_density)) * (kernel[0] if axis == "place" else kernel[2])
+    peak = existence / ((2.0 * np.pi) ** 1.5 * np.prod(KERNEL_WIDTHS))
+    reach = np.sqrt(2.0 * np.log(peak / OPTIONS.unknown_density)) * KERNEL_WIDTHS[0 if axis == "place" else 2]
     for share, names in ((0.99, [HIDDEN]), (1.01, [HIDDEN, NEW])):
         apart = {"apart_m": share * reach} if axis == "place" else {"apart_m": 0.0, "apart_mps": share * reach}
         assert names_after(hidden_and_new(existence=existence, **apart)) == names

@@ -26,7 +26,7 @@ from mmpf.joint.kinds import (
     normalised,
     vehicle_share,
 )
-from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
+from mmpf.joint.kinds_after import OVERLAP_PER_S, ended_meanwhile, kinds_after
 from mmpf.joint.newborn import Appearances, kinds_at_birth
 from mmpf.joint.sources import Sources
 from mmpf.joint.speeds import STANDING_STD_MPS, log_speed_likelihoods
@@ -37,7 +37,7 @@ from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
 OPTIONS = FilterOptions()
-KIND_OPTIONS = OPTIONS.joint.kinds
+MOST_LOG_ODDS = OPTIONS.joint.kinds.largest_log_odds
 LANE = lane_centre(2)
 IN_VIEW = 0.95
 CLEAR = 100.0
@@ -137,7 +137,7 @@ def test_the_posterior_sums_to_one_and_is_never_certain(scans: list[tuple[float,
     for claimed, in_shadow, run, dt_s in scans:
         found = scanned(found, seen_as(claimed, in_shadow, run), dt_s=dt_s)
         assert found.components.kinds.sum() == pytest.approx(1.0)
-        assert abs(log_odds(found.components)) <= KIND_OPTIONS.largest_log_odds + 1e-6
+        assert abs(log_odds(found.components)) <= MOST_LOG_ODDS + 1e-6
         assert 0.0 <= found.components.existence[0] <= OPTIONS.joint.existence.largest
 
 
@@ -150,7 +150,7 @@ def test_who_lasts_and_moves_like_a_vehicle_is_one_however_rarely_it_is_detected
     for _ in range(int(8.0 * OPTIONS.joint.false_objects.life_s / DT_S)):
         found = scanned(found, seen_as(CLEAR * (rng.random() < rate)))
         odds.append(log_odds(found.components))
-    assert odds[-1] > KIND_OPTIONS.largest_log_odds - 1.0
+    assert odds[-1] > MOST_LOG_ODDS - 1.0
     assert min(odds) > odds[0] - 2.0, "the rate alone says something of the level, once"
 
 
@@ -215,7 +215,7 @@ def test_of_two_seen_sources_in_one_place_the_one_that_is_less_of_a_vehicle_lose
     apart = belief_of([spot(30.0, LANE), spot(60.0, LANE)], kinds=kinds)
     found, free = (scanned(each, seen_as(CLEAR, count=2), UNBOUNDED, dt_s).components.kinds for each in (both, apart))
     odds, without = (np.log(vehicle_share(each) / (1.0 - vehicle_share(each))) for each in (found, free))
-    assert odds - without == pytest.approx([0.0, -KIND_OPTIONS.overlap_per_s * dt_s], abs=1e-6)
+    assert odds - without == pytest.approx([0.0, -OVERLAP_PER_S * dt_s], abs=1e-6)
 
 
 @pytest.mark.parametrize("beside_m", [0.0, 3.66])
@@ -238,7 +238,7 @@ def test_what_lies_on_the_ego_becomes_less_of_a_vehicle_seen_or_hidden(unseen_s:
     on_ego, away = (belief_of([spot(lon_m, LANE, 20.0)], kinds=kinds, unseen_s=[unseen_s]) for lon_m in (0.0, -30.0))
     found, free = (scanned(each, seen_as(CLEAR), UNBOUNDED, dt_s).components.kinds for each in (on_ego, away))
     odds, without = (np.log(vehicle_share(each) / (1.0 - vehicle_share(each))) for each in (found, free))
-    assert odds - without == pytest.approx([-KIND_OPTIONS.overlap_per_s * dt_s], abs=1e-6)
+    assert odds - without == pytest.approx([-OVERLAP_PER_S * dt_s], abs=1e-6)
 
 
 def test_where_the_question_is_not_asked_vehicles_stay_vehicles() -> None:
