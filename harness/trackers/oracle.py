@@ -15,7 +15,8 @@ from pydantic import Field
 from harness.trackers.kalman import GaussianStates, newborn, predict_constant_velocity, tracks_of, updated
 from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
 from harness.trackers.protocol import TrackerSetting
-from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, joined, taken
+from harness.trackers.rivals.lives import Lives
+from mmpf.numerics.arrays import IntArray, StringArray, joined, taken
 from mmpf.options.base import Positive, Settings, in_unit
 from mmpf.scan import Scan, check_scan
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
@@ -45,10 +46,8 @@ class _Followed:
     """The vehicles that are being followed, struct of arrays over n vehicles."""
 
     truth_id: StringArray
-    track_id: IntArray
+    lives: Lives
     states: GaussianStates
-    last_seen_s: FloatArray
-    detections: IntArray
 
 
 class OracleKalman:
@@ -61,8 +60,8 @@ class OracleKalman:
         self._options, self._in_plane = options, in_plane
         self._time_s: float | None = None
         self._next_track_id = 1
-        no_index, no_states = np.zeros(0, dtype=np.int64), GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4)))
-        self._followed = _Followed(np.zeros(0, dtype=np.str_), no_index, no_states, np.zeros(0), no_index)
+        no_states = GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4)))
+        self._followed = _Followed(np.zeros(0, dtype=np.str_), Lives.begun(1, 0, 0.0), no_states)
 
     def step_associated(self, scan: Scan, truth_id: StringArray) -> Tracks:
         """Take in one scan with the true origin of each detection, empty for clutter, shape (d,).
@@ -88,7 +87,7 @@ class OracleKalman:
             self._followed.states, time_s - self._time_s, options.lon_noise, options.lat_noise
         )
         followed = replace(self._followed, states=states)
-        self._followed = taken(followed, time_s - followed.last_seen_s <= options.longest_unseen_s)
+        self._followed = taken(followed, time_s - followed.lives.last_seen_s <= options.longest_unseen_s)
 
     def _update(self, scan: Scan, truth_id: StringArray, detection: IntArray) -> None:
         known = np.isin(truth_id[detection], self._followed.truth_id)
@@ -97,11 +96,8 @@ class OracleKalman:
         position = {name: index for index, name in enumerate(self._followed.truth_id.tolist())}
         index = np.array([position[name] for name in truth_id[seen].tolist()], dtype=np.int64)
         followed = self._followed
-        last_seen_s, detections = followed.last_seen_s.copy(), followed.detections.copy()
-        last_seen_s[index] = scan.time_s
-        detections[index] += 1
         states = updated(followed.states, index, scan.detections, seen)
-        self._followed = replace(followed, states=states, last_seen_s=last_seen_s, detections=detections)
+        self._followed = replace(followed, states=states, lives=followed.lives.seen(index, scan.time_s))
 
     def _begin(self, scan: Scan, truth_id: StringArray, detection: IntArray) -> None:
         count = len(detection)
@@ -109,20 +105,19 @@ class OracleKalman:
             return
         begun = _Followed(
             truth_id[detection],
-            self._next_track_id + np.arange(count),
+            Lives.begun(self._next_track_id, count, scan.time_s),
             newborn(scan.detections, detection, scan.ego, self._options),
-            np.full(count, scan.time_s),
-            np.ones(count, dtype=np.int64),
         )
         self._followed = joined(self._followed, begun)
         self._next_track_id += count
 
     def _tracks(self, time_s: float) -> Tracks:
         followed, options = self._followed, self._options
-        confirmed = followed.detections >= options.confirm_detections
-        hidden = confirmed & (time_s - followed.last_seen_s > options.hidden_after_s)
+        lives = followed.lives
+        confirmed = lives.detections >= options.confirm_detections
+        hidden = confirmed & (time_s - lives.last_seen_s > options.hidden_after_s)
         state = np.select([hidden, confirmed], [HIDDEN, CONFIRMED], TENTATIVE).astype(np.int8)
-        return tracks_of(followed.track_id, followed.states.mean, followed.states.std, state)
+        return tracks_of(lives.track_id, followed.states.mean, followed.states.std, state)
 
 
 def build_oracle_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> OracleKalman:
