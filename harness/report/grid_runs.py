@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -11,8 +11,10 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
+from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curve_charts import grid_charts
 from harness.analysis.curves import sums_and_weights
+from harness.analysis.leading import leading_sentence
 from harness.analysis.verdicts import compared_quantities
 from harness.common.charts import Charts
 from harness.common.errors import InputError
@@ -30,7 +32,8 @@ from harness.storage.schema import DENSITY
 from mmpf.numerics.arrays import FloatArray
 
 BESIDE = "side-by-side.html"
-SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", "mot.hota")
+RANKED = "mot.hota"
+SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", RANKED)
 MOST_LISTED = 2_000
 
 
@@ -47,6 +50,7 @@ class RunsOfGrid:
     """What leads from a grid's page to its runs.
 
     Attributes:
+        conclusion: Which tracker is ahead, and by how much; empty where there are not two.
         about: What was run, in words.
         metric: What the overview shows, with its unit.
         overview: One row a tracker, one column a setting; each value leads to its cell, in the order of ``cells``.
@@ -55,6 +59,7 @@ class RunsOfGrid:
             none.
     """
 
+    conclusion: str
     about: str
     metric: str
     overview: Markup
@@ -98,6 +103,7 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
     has_curves = not grid.is_replay and not any(run.mismatch for run in grid.runs)
     return RunsOfGrid(
+        conclusion=_conclusion(placed, values[:, SHOWN.index(RANKED)]),
         about=_about(grid),
         metric=shown[0].label,
         overview=html_table(["tracker", *settings], overview),
@@ -105,6 +111,17 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
         left_out=len(placed) - len(listed),
         charts=grid_charts(table, grid.axes, cell_of) if has_curves else {},
     )
+
+
+def _conclusion(placed: Sequence[tuple[str, str, int, PlannedRun]], scores: FloatArray) -> str:
+    """Return the outcome over all trackers that are not told the truth."""
+    rows = [
+        {"tracker": tracker, "setting": setting, "seed": run.config.seed, "score": scores[place]}
+        for tracker, setting, place, run in placed
+        if run.config.tracker.name != COASTING_TRACKER
+    ]
+    ranked = next(quantity for quantity in compared_quantities() if quantity.key == RANKED)
+    return leading_sentence(pd.DataFrame(rows), ranked) if rows else ""
 
 
 def _about(grid: GridPlan) -> str:

@@ -91,6 +91,7 @@ def test_the_page_begins_with_the_verdicts_that_compare_gives(grid, capsys):
     judged = [each for each in json.loads(capsys.readouterr().out)["verdicts"] if each["primary"] and each["pairs"]]
     page = write_page(folder).read_text(encoding="utf-8")
     section = page[page.index('id="verdicts-heading"') : page.index('id="charts-heading-1"')]
+    assert 0 < page.index("ahead of") < page.index('id="verdicts-heading"'), "who is better comes first"
     found = re.findall(r'<td>([^<]*)</td>\n<td class="verdict[^>]*><strong>([^<]*)</strong>', section)
     assert found == [(str(each["pairs"]), each["verdict"]) for each in judged]
     assert {verdict for _, verdict in found} >= {"undecided"}

@@ -1,0 +1,62 @@
+"""The outcome of a stress test in one sentence: which tracker is ahead, where and by how much."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.common.effects import Effect, paired_effect
+from harness.scoring.metrics.quantity import Quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_SETTINGS = 2
+"""Of more settings the least and the largest lead are told."""
+
+
+def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
+    """Return which tracker is ahead and by how much over the next one, with Student's 95 % intervals over seeds.
+
+    Trackers are ranked by the mean over settings of their means over seeds.
+
+    Args:
+        runs: A row for each run: ``tracker``, ``setting`` in words, ``seed`` and ``score``.
+        quantity: What the score is.
+
+    Returns:
+        The sentence; empty with fewer than two trackers that have a score on the same traffic.
+    """
+    sign = 1.0 if quantity.higher_is_better else -1.0
+    wide = runs.assign(score=sign * runs["score"]).pivot_table(
+        index=["setting", "seed"], columns="tracker", values="score", sort=False
+    )
+    ranked = wide.groupby("setting").mean().mean().sort_values(ascending=False, kind="stable").index
+    pairs = wide[list(ranked[:2])].dropna()
+    if len(ranked) < 2 or not len(pairs):
+        return ""
+    by_setting = {f"at {name}": _lead(of_setting) for name, of_setting in pairs.groupby("setting", sort=False)}
+    if not any(np.isfinite(lead.se) for lead in by_setting.values()):
+        by_setting = {f"over {len(by_setting)} settings with a seed each": _lead(pairs)}
+    parts = {where: f"{_in_words(lead, quantity)} {where}" for where, lead in by_setting.items()}
+    told = ", ".join(parts.values())
+    if len(parts) > MOST_SETTINGS:
+        least, *_, most = sorted(by_setting, key=lambda where: by_setting[where].difference)
+        told = f"of {len(parts)} settings at the least {parts[least]}, at the most {parts[most]}"
+    ahead = "is ahead of" if any(lead.ci95[0] > 0.0 for lead in by_setting.values()) else "is not clearly ahead of"
+    return f"{ranked[0]} {ahead} {ranked[1]} in {quantity.label.rpartition(', ')[0]}: {told}."
+
+
+def _lead(pairs: pd.DataFrame) -> Effect:
+    """Return by how much the first column exceeds the second; each row is a unit of its own."""
+    first, second = pairs.to_numpy(dtype=np.float64).T
+    return paired_effect(second, first, np.zeros(len(pairs), dtype=np.int64), np.arange(len(pairs)))
+
+
+def _in_words(lead: Effect, quantity: Quantity) -> str:
+    sign = -1.0 if lead.difference < 0.0 else 1.0
+    size, low, high = (f"{sign * value:.{quantity.decimals}f}" for value in (lead.difference, *lead.ci95[:: int(sign)]))
+    interval = f"{low}, {high}" if np.isfinite(lead.se) else "one seed"
+    unit = quantity.label.rpartition(", ")[2].replace("%", "percentage points")
+    return f"{'behind by' if sign < 0.0 else 'by'} {size} {unit} [{interval}]"

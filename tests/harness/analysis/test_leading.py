@@ -1,0 +1,60 @@
+"""Who is ahead in a stress test, against paired tests of SciPy."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from harness.analysis.leading import leading_sentence
+from harness.scoring.metrics.quantity import Quantity
+
+HOTA = Quantity("mot.hota", "HOTA in sight, %", higher_is_better=True)
+COST = Quantity("hidden.hidden_cost_m", "hidden cost, m", decimals=2)
+
+
+def runs_of(means, seeds=6):
+    """Return runs whose scores scatter around the mean of each tracker and setting, on traffic that all share."""
+    rng = np.random.default_rng(3)
+    shared = rng.normal(0.0, 5.0, seeds)
+    rows = [
+        {"tracker": tracker, "setting": setting, "seed": seed, "score": mean + shared[seed] + rng.normal()}
+        for (tracker, setting), mean in means.items()
+        for seed in range(seeds)
+    ]
+    return pd.DataFrame(rows).sample(frac=1.0, random_state=0).sort_values("setting", kind="stable")
+
+
+def lead_of(runs, setting, ahead, behind):
+    here = runs[runs["setting"] == setting].pivot_table(index="seed", columns="tracker", values="score")
+    test = stats.ttest_rel(here[ahead], here[behind])
+    return (here[ahead] - here[behind]).mean(), *test.confidence_interval(0.95)
+
+
+def test_the_two_best_are_compared_pair_by_pair_at_each_setting():
+    runs = runs_of({("a", "20"): 80.0, ("a", "45"): 70.0, ("b", "20"): 85.0, ("b", "45"): 78.0, ("c", "20"): 40.0})
+    parts = [
+        f"by {mean:.1f} percentage points [{low:.1f}, {high:.1f}] at {setting}"
+        for setting in ("20", "45")
+        for mean, low, high in [lead_of(runs, setting, "b", "a")]
+    ]
+    assert leading_sentence(runs, HOTA) == f"b is ahead of a in HOTA in sight: {', '.join(parts)}."
+
+
+def test_of_a_cost_the_lower_one_leads_and_a_lost_setting_is_told():
+    runs = runs_of({(name, where): cost for name, costs in {"a": (2.0, 9.0, 9.5), "b": (7.0, 5.0, 5.0)}.items()
+                    for where, cost in zip("123", costs, strict=True)})  # fmt: skip
+    told = leading_sentence(runs, COST)
+    mean, low, high = lead_of(runs, "1", "b", "a")
+    assert told.startswith("b is ahead of a in hidden cost: of 3 settings at the least behind by")
+    assert f"behind by {mean:.2f} m [{low:.2f}, {high:.2f}] at 1" in told
+
+
+@pytest.mark.parametrize("seeds", [1, 5])
+def test_a_lead_that_chance_may_explain_is_not_claimed(seeds):
+    told = leading_sentence(runs_of({("a", "20"): 80.0, ("b", "20"): 80.0}, seeds), HOTA)
+    assert "is not clearly ahead of" in told
+    assert ("[one seed]" in told) == (seeds == 1)
+
+
+def test_a_single_tracker_is_ahead_of_nobody():
+    assert leading_sentence(runs_of({("a", "20"): 80.0}), HOTA) == ""
