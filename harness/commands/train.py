@@ -46,14 +46,6 @@ class Options(TypedDict):
         Option("Seconds of traffic for each seed and density. (default: 200)", metavar="SECONDS", least=10),
     ]
     seed: Annotated[int, Option("Seed for sampling and for fitting the mixture.", default=0, least=0)]
-    sweep: Annotated[
-        bool,
-        Option(
-            "Also score other numbers of components by BIC, for the model card.",
-            default=True,
-            flag="--sweep/--no-sweep",
-        ),
-    ]
     cache: shared.Cache
     out: Annotated[Path, Option("Folder for the model files and cards.", default=Path("results/models"))]
     json: shared.Json
@@ -66,7 +58,7 @@ def command(options: Options) -> None:
 
     Examples:
       python -m harness train --net us101 --case lane-keeping
-      python -m harness train --case lane-change --components 40 --no-sweep
+      python -m harness train --case lane-change --components 40
       python -m harness train --case turning
     """
     from harness.commands.actions.fit_model import fit_model  # noqa: PLC0415

@@ -52,7 +52,7 @@ def fit_model(options: Mapping[str, Any]) -> None:
         paths = [train_turning(networks, traffic, options["cache"], options["out"], say)]
     else:
         plan = TrainingPlan(
-            *(case, options["components"], first, count, options["seed"], options["sweep"]),
+            *(case, options["components"], first, count, options["seed"]),
             *(options["cache"], options["out"]),
             _densities(options["densities"]),
             options["duration"] or TRAINING_DURATION_S,

@@ -10,7 +10,6 @@ import numpy as np
 
 from harness.common.files import write_text
 from harness.common.markdown import markdown_table
-from harness.lab.fit.mixture_em import SizeScore
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import following_cases
 from harness.lab.windows.filtering import follow
@@ -26,7 +25,6 @@ def write_card(
     path: Path,
     title: str,
     facts: Mapping[str, str],
-    sizes: Sequence[SizeScore],
     regimes: Sequence[RegimeError],
     limits: Sequence[str],
 ) -> None:
@@ -37,11 +35,6 @@ def write_card(
         limits: Known limits, one sentence each.
     """
     lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]
-    if sizes:
-        best = min(sizes, key=lambda size: size.bic)
-        lines += ["## Number of components", "", f"Smallest BIC of the sweep: {best.components} components.", ""]
-        rows = [[str(size.components), f"{size.bic:.0f}", f"{size.log_likelihood:.3f}"] for size in sizes]
-        lines += [*markdown_table(["components", "BIC", "log-likelihood a sample"], rows), ""]
     if regimes:
         heads = ["regime", "cases", *(f"{horizon:g} s" for horizon in HORIZONS_S)]
         rows = [[entry.regime, str(entry.cases), *(f"{error:.2f}" for error in entry.lon_m)] for entry in regimes]

@@ -1,10 +1,8 @@
-"""Fits Gaussian mixtures: k-means start, expectation maximisation, choice of size by BIC."""
+"""Fits Gaussian mixtures: k-means start, then expectation maximisation."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,21 +24,7 @@ REFINING_ITERATIONS = 12
 RANGE_QUANTILES = (0.0005, 0.9995)
 
 
-@dataclass(frozen=True)
-class SizeScore:
-    """How well a mixture of one size does.
-
-    Attributes:
-        bic: Bayesian information criterion over the samples it was fitted to; smaller is better.
-        log_likelihood: Mean joint log-likelihood per sample.
-    """
-
-    components: int
-    bic: float
-    log_likelihood: float
-
-
-def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int, iterations: int = ITERATIONS) -> ScaledGmm:
+def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int) -> ScaledGmm:
     """Fit a joint mixture to inputs (n, p) and outputs (n, q); the start is k-means, equation (14) is maximised by EM.
 
     With more than 60 000 samples, EM first runs on that many of them and is then refined on all.
@@ -50,30 +34,10 @@ def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int, iterat
         y: Outputs, shape (n, q).
         components: Number of components.
         seed: Seed of the k-means start; the same samples and seed give the same mixture.
-        iterations: Most EM iterations.
     """
     samples, scaling = _standardised(x, y)
-    weights, means, covariances = _expectation_maximisation(samples, components, seed, iterations)
+    weights, means, covariances = _expectation_maximisation(samples, components, seed)
     return ScaledGmm(ConditionalGmm(weights, means, covariances, x.shape[1]), scaling)
-
-
-def sweep_sizes(
-    x: FloatArray,
-    y: FloatArray,
-    sizes: Sequence[int],
-    seed: int,
-    progress: Callable[[str], None],
-    iterations: int = ITERATIONS,
-) -> list[SizeScore]:
-    """Score mixtures of several sizes by BIC on the same samples."""
-    samples, _ = _standardised(x, y)
-    scores = []
-    for components in sizes:
-        fitted = _fitted(samples, components, seed, iterations)
-        score = SizeScore(components, float(fitted.bic(samples)), float(fitted.score(samples)))
-        progress(f"{components} components: BIC {score.bic:.0f}, log-likelihood {score.log_likelihood:.3f} a sample")
-        scores.append(score)
-    return scores
 
 
 def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Scaling]:
@@ -86,14 +50,14 @@ def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Scaling]:
 
 
 def _expectation_maximisation(
-    samples: FloatArray, components: int, seed: int, iterations: int
+    samples: FloatArray, components: int, seed: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     if len(samples) <= START_SAMPLES:
-        fitted = _fitted(samples, components, seed, iterations)
+        fitted = _fitted(samples, components, seed, ITERATIONS)
     else:
         some = np.random.default_rng(seed).choice(len(samples), size=START_SAMPLES, replace=False)
-        start = _fitted(samples[some], components, seed, iterations)
-        fitted = _fitted(samples, components, seed, min(iterations, REFINING_ITERATIONS), start)
+        start = _fitted(samples[some], components, seed, ITERATIONS)
+        fitted = _fitted(samples, components, seed, REFINING_ITERATIONS, start)
     weights = np.maximum(fitted.weights_, 1e-12)
     return weights / weights.sum(), fitted.means_, fitted.covariances_
 

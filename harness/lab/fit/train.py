@@ -23,7 +23,7 @@ from harness.lab.fit.driver_fit import (
     short_samples,
 )
 from harness.lab.fit.empirical_fit import QUANTILES, fit_empirical
-from harness.lab.fit.mixture_em import START_SAMPLES, SizeScore, sweep_sizes
+from harness.lab.fit.mixture_em import START_SAMPLES
 from harness.lab.fit.recovery import recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.lab.windows.car_following import STEPS, CarFollowing, load_following
@@ -54,9 +54,6 @@ RESIDUAL, RECURRENT, EMPIRICAL = residual.CASE, recurrent.CASE, empirical.CASE
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
 CASES = (*PAPER_COMPONENTS, RESIDUAL, RECURRENT, EMPIRICAL)
 TUNING_SEEDS = 1
-SWEPT = {LANE_KEEPING: (4, 8, 12, 20, 28, 40, 60), LANE_CHANGE: (10, 20, 40, 60, 90)}
-SWEEP_SAMPLES = 15_000
-SWEEP_ITERATIONS = 30
 HELD_OUT_SAMPLES = 20_000
 
 Say = Callable[[str], None]
@@ -68,7 +65,6 @@ class TrainingPlan:
 
     Attributes:
         case: One of ``CASES``.
-        sweep: Whether other numbers of components are scored by BIC.
         densities: Vehicles per kilometre and lane at which each seed is recorded, for held-out traffic too.
         duration_s: Length of each recording to train on.
     """
@@ -78,7 +74,6 @@ class TrainingPlan:
     first_seed: int
     seeds: int
     seed: int
-    sweep: bool
     cache: Path | None
     out: Path
     densities: tuple[float, ...] = DENSITIES_VEH_PER_KM_LANE
@@ -149,7 +144,6 @@ def _train_keeping(
     short_x, short_y = _some(*short_samples(held_led), HELD_OUT_SAMPLES, rng)
     records = following_records(held_led, driver_habit(held_led), STEP_S)
     asked = recovery_samples(records, HELD_OUT_SAMPLES, rng)
-    sizes = ([], []) if not plan.sweep else _keeping_sweeps(plan, led, say, rng)
     facts = _facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1))
     own_fit = f"{follower.following.log_density(asked.x, asked.y).mean():.3f} nats (acceleration, recovery samples)"
     write_card(
@@ -162,7 +156,6 @@ def _train_keeping(
             f"of drivers in sight take them up {PROPOSED_CHANGES:g} times as often",
             "One-step log-likelihood on held-out seeds": own_fit,
         },
-        sizes[0],
         errors_by_regime(LearnedDriver(driver, changes_lanes=False), held_out, STEP_S, plan.seed),
         KEEPING_LIMITS,
     )
@@ -175,7 +168,6 @@ def _train_keeping(
             "Fit": _fitted_to(min(len(led) * (STEPS - 1), SHORT_SAMPLES), plan.seed),
             "One-step log-likelihood on held-out seeds": short_fit,
         },
-        sizes[1],
         errors_by_regime(short_term_driver(mixture), held_out, STEP_S, plan.seed),
         SHORT_LIMITS,
     )
@@ -212,7 +204,7 @@ def _train_follower(
         fit, size = "counted", f"{' x '.join(map(str, follower.changes_mps2.shape[:-1]))} cells, {QUANTILES} quantiles"
     facts = {**_facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1)), "Fit": fit, "Size": size}
     model = replace(with_follower(follower, plan.case), changes_lanes=False)
-    write_card(path.with_suffix(".md"), title, facts, [], errors_by_regime(model, held_out, STEP_S, plan.seed), limits)
+    write_card(path.with_suffix(".md"), title, facts, errors_by_regime(model, held_out, STEP_S, plan.seed), limits)
     return [path]
 
 
@@ -227,10 +219,6 @@ def _train_change(
     mixture = fit_change(changes, plan.size, plan.seed)
     CHANGE.save(path, mixture)
     rng = np.random.default_rng(plan.seed)
-    sizes: Sequence[SizeScore] = []
-    if plan.sweep:
-        x, y = _some(*change_samples(changes, rng, SCATTERED), SWEEP_SAMPLES, rng)
-        sizes = sweep_sizes(x, y, SWEPT[LANE_CHANGE], plan.seed, say)
     facts = {
         **_facts(plan, net, samples, samples),
         "Fit": _fitted_to(samples, plan.seed),
@@ -240,26 +228,13 @@ def _train_change(
         "One-step log-likelihood on held-out seeds": f"{_held_out_fit(mixture, held_out, SCATTERED, rng)}, as it was "
         f"trained (six outputs); {_held_out_fit(mixture, held_out, AS_RECORDED, rng)}, on the recorded paths",
     }
-    write_card(path.with_suffix(".md"), CHANGE_TITLE, facts, sizes, [], CHANGE_LIMITS)
+    write_card(path.with_suffix(".md"), CHANGE_TITLE, facts, [], CHANGE_LIMITS)
     return [path]
 
 
 def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralScatter, rng: np.random.Generator) -> str:
     held = mixture.log_density(*change_samples(held_out, rng, scatter))
     return f"median {np.median(held):.2f}, mean {held.mean():.2f} nats"
-
-
-def _keeping_sweeps(
-    plan: TrainingPlan, led: CarFollowing, say: Say, rng: np.random.Generator
-) -> tuple[list[SizeScore], list[SizeScore]]:
-    records = following_records(led, driver_habit(led), STEP_S)
-    own = recovery_samples(records, SWEEP_SAMPLES, rng)
-    short_x, short_y = _some(*short_samples(led), SWEEP_SAMPLES, rng)
-    swept = SWEPT[LANE_KEEPING]
-    return (
-        sweep_sizes(own.x, own.y, swept, plan.seed, say, SWEEP_ITERATIONS),
-        sweep_sizes(short_x, short_y, swept, plan.seed, say, SWEEP_ITERATIONS),
-    )
 
 
 def _facts(plan: TrainingPlan, net: Network, samples: int, used: int) -> dict[str, str]:
@@ -269,8 +244,7 @@ def _facts(plan: TrainingPlan, net: Network, samples: int, used: int) -> dict[st
     if plan.case in PAPER_COMPONENTS:
         paper = f"the paper's setting is {PAPER_COMPONENTS[plan.case]}, kept for comparison and speed"
         mixture = {"Components": f"{plan.size} ({paper}), full covariances"}
-        mixture |= {"Sweep": f"{SWEEP_SAMPLES} samples, {SWEEP_ITERATIONS} EM iterations"} if plan.sweep else {}
-        options = f" --components {plan.size}{'' if plan.sweep else ' --no-sweep'}"
+        options = f" --components {plan.size}"
     if plan.densities != DENSITIES_VEH_PER_KM_LANE:
         options += f" --densities {densities.replace(', ', ',')}"
     if plan.duration_s != TRAINING_DURATION_S:

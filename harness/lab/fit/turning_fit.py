@@ -107,7 +107,7 @@ def _write(folder: Path, driver: TurningDriver, facts: dict[str, str]) -> Path:
     path = folder / "turning.toml"
     lines = [f"{field.name} = {value:.4g}" for field, value in zip(fields(driver), astuple(driver), strict=True)]
     write_text(path, "\n".join(["# How drivers drive by the map, fitted to the training recordings.", *lines, ""]))
-    write_card(path.with_suffix(".md"), TITLE, facts, [], [], LIMITS)
+    write_card(path.with_suffix(".md"), TITLE, facts, [], LIMITS)
     return path
 
 

@@ -7,8 +7,6 @@ import pytest
 
 from harness.commands.app import run_command_line
 from harness.lab.fit import driver_fit, train
-from harness.lab.fit.card import RegimeError, write_card
-from harness.lab.fit.mixture_em import SizeScore
 from harness.lab.fit.train import TrainingPlan
 from harness.lab.fit.turning_fit import train_turning
 from harness.truth.network.network import load_network
@@ -32,15 +30,6 @@ def test_wrong_input_ends_with_two_and_one_line(arguments, words, capsys):
     assert "Traceback" not in message
 
 
-def test_a_card_names_the_best_size_and_the_limits(tmp_path):
-    sizes = [SizeScore(4, 10.0, -1.0), SizeScore(8, 5.0, -0.8), SizeScore(16, 7.0, -0.7)]
-    regimes = [RegimeError("free", 3, (0.1, 0.2, 0.5, 1.0))]
-    write_card(tmp_path / "model.md", "A model", {"Data": "little"}, sizes, regimes, ["It knows nothing."])
-    text = (tmp_path / "model.md").read_text()
-    assert "Smallest BIC of the sweep: 8 components" in text
-    assert "It knows nothing." in text
-
-
 @pytest.mark.slow
 def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
     for name, value in (("FOLLOWING_SAMPLES", 2000), ("SHORT_SAMPLES", 2000), ("ROLLOUTS", 10)):
@@ -48,7 +37,7 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     monkeypatch.setattr(train, "TUNING_DURATION_S", 30.0)
     monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
     places = tmp_path / "cache", tmp_path / "models"
-    plan = TrainingPlan("lane-keeping", 4, 1000, 1, 0, False, *places, densities=(8.0, 22.0), duration_s=40.0)
+    plan = TrainingPlan("lane-keeping", 4, 1000, 1, 0, *places, densities=(8.0, 22.0), duration_s=40.0)
     said: list[str] = []
     paths = train.train(plan, load_network("us101"), said.append)
     assert load_learned_driver(paths[0]).model.follower.following.mixture.inputs == 6
@@ -58,8 +47,9 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     assert sum(line.startswith("recorded") for line in said) == 4
     card = (tmp_path / "models" / "lane_keeping.md").read_text()
     assert "following" in card
+    assert train.KEEPING_LIMITS[0] in card
     assert "of each seed 40 s at each of 8, 22 vehicles" in card
-    assert "--no-sweep --densities 8,22 --duration 40" in card
+    assert "--densities 8,22 --duration 40" in card
     assert np.isfinite(load_learned_driver(paths[0]).model.follower.following.mixture.means).all()
 
 
