@@ -1,14 +1,11 @@
-"""Wrong input of every kind is one line that names it: calls from Python, options, settings and spoilt files."""
+"""Every wrong argument of a call from Python is an ``InputError`` of one line."""
 
 from __future__ import annotations
 
 import pytest
 
 import harness
-from harness.commands.app import run_command_line
 from tests.harness.recorded_scene import write_recorded_scene
-from tests.harness.truth.network.test_hostile_networks import own
-from tests.harness.truth.recorded import layouts
 
 NO_TEXT = "\ud800"
 CALLS = [
@@ -34,32 +31,3 @@ def test_every_wrong_argument_raises_the_documented_error(name, options, tmp_pat
     with pytest.raises(harness.InputError) as told:
         getattr(harness, name)(**{**rest, **options})
     assert "\n" not in str(told.value)
-
-
-RECORDED = [f"traffic.recording.{word}" for word in ("map=true", "format=9")]
-
-
-@pytest.mark.parametrize("setting", RECORDED)
-def test_a_setting_that_no_run_has_is_one_short_line(setting, tmp_path, capfd):
-    fcd = ["--replay", str(layouts.write_fcd(tmp_path / "fcd.xml"))]
-    out = ["--out", str(tmp_path / "out"), "--duration", "1", "--quiet"]
-    assert run_command_line(["run", *fcd, "--set", setting, *out]) == 2
-    (line,) = capfd.readouterr().err.splitlines()
-    assert len(line) < 1500
-
-
-COMMANDS = [["run", "--tracker", "mmpf:"], ["run", "--sensor", "os:abort"]]
-
-
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_options_that_contradict_or_lead_nowhere_are_one_line(words, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    assert run_command_line(words) == 2
-    assert len(capfd.readouterr().err.splitlines()) == 1
-
-
-def test_nothing_is_left_of_what_was_refused(tmp_path):
-    path = own(tmp_path, net="<net>" + "x" * 10)
-    before = sorted(tmp_path.iterdir())
-    run_command_line(["run", "--net", path, "--duration", "1", "--out", str(tmp_path / "out")])
-    assert sorted(tmp_path.iterdir()) == before

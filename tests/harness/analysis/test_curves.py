@@ -58,25 +58,18 @@ def test_a_varied_setting_has_a_curve_of_its_own():
     assert [points[40.0].mean, points[80.0].mean] == [10, 30]
 
 
-def test_a_tracker_breaks_where_its_line_crosses_one_half():
-    table = pd.DataFrame([rows(density, 0, share) for density, share in ((10, 90), (20, 60), (30, 40), (40, 45))])
-    (broken,) = breaks(table)
-    assert broken.density == pytest.approx(25.0)
-    assert not broken.at_lowest
-
-
-def test_a_tracker_above_one_half_throughout_holds():
-    table = pd.DataFrame([rows(density, seed, 70) for density in (10, 20) for seed in range(3)])
-    (holds,) = breaks(table)
-    assert (holds.density, holds.held_to, holds.ci95) == (None, 20, None)
-    assert "does not break up to 20" in break_sentence(holds)
-
-
-def test_a_tracker_below_one_half_at_the_lowest_density_may_break_below_it():
-    table = pd.DataFrame([rows(density, seed, 30) for density in (10, 20) for seed in range(3)])
-    (broken,) = breaks(table)
-    assert (broken.density, broken.at_lowest) == (10, True)
-    assert "at or below 10" in break_sentence(broken)
+@pytest.mark.parametrize(
+    ("shares", "density", "at_lowest", "told"),
+    [
+        ({10: 90, 20: 60, 30: 40, 40: 45}, pytest.approx(25.0), False, "breaks at 25"),
+        ({10: 70, 20: 70}, None, False, "does not break up to 20"),
+        ({10: 30, 20: 30}, 10, True, "at or below 10"),
+    ],
+)
+def test_a_tracker_breaks_where_its_line_crosses_one_half(shares, density, at_lowest, told):
+    (broken,) = breaks(pd.DataFrame([rows(place, seed, share) for place, share in shares.items() for seed in range(3)]))
+    assert (broken.density, broken.at_lowest, broken.held_to) == (density, at_lowest, max(shares))
+    assert told in break_sentence(broken)
 
 
 def test_a_density_with_few_occlusions_breaks_nobody():

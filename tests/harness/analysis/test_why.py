@@ -62,10 +62,6 @@ def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[TrackFai
 TWO = (2, 0, STEPS - 1, 4.0)
 
 
-def causes(found: list[TrackFailure]) -> list[tuple[str, str]]:
-    return [(each.kind, each.cause) for each in found]
-
-
 def test_a_perfect_tracker_fails_nowhere():
     assert scene([(1, 0, STEPS - 1, 0.0), TWO]) == []
 
@@ -76,29 +72,27 @@ def test_a_track_that_ends_with_nobody_near_died():
     assert found.time_s == pytest.approx(3.1)
 
 
-def test_a_track_that_ends_beside_another_that_goes_on_was_merged():
-    assert causes(scene([(1, 0, 29, 0.0), (3, 20, STEPS - 1, 0.6), TWO])) == [(SWITCH, MERGE)]
+NEW, ON_NOTHING = (3, 35, STEPS - 1, 0.0), (1, 20, STEPS - 1, -9.0)
 
 
-def test_a_second_track_beside_a_living_one_was_born_without_need():
-    # The old one drifts off onto nothing while the new one is on the vehicle.
-    tracks = [(1, 0, 29, 0.0), (1, 30, STEPS - 1, -9.0), (3, 30, STEPS - 1, 0.0), TWO]
-    assert causes(scene(tracks)) == [(SWITCH, BIRTH)]
-
-
-def test_tracks_that_change_places_are_a_fault_of_association():
-    tracks = [(1, 0, 29, 0.0), (2, 0, 29, 4.0), (1, 30, STEPS - 1, 4.0), (2, 30, STEPS - 1, 0.0)]
-    assert causes(scene(tracks)) == [(SWITCH, ASSOCIATION)] * 2
-
-
-def test_a_vehicle_that_comes_back_under_another_name_was_not_known_again():
-    tracks = [(1, 0, 19, 0.0), (1, 20, STEPS - 1, -9.0), (3, 35, STEPS - 1, 0.0), TWO]
-    assert causes(scene(tracks, unseen=(20, 33))) == [(SWITCH, REIDENTIFICATION)]
-
-
-def test_a_track_that_ends_while_its_vehicle_is_hidden_is_lost_and_then_switched():
-    tracks = [(1, 0, 25, 0.0), (3, 35, STEPS - 1, 0.0), TWO]
-    assert causes(scene(tracks, unseen=(20, 33))) == [(LOSS, DEATH), (SWITCH, DEATH)]
+@pytest.mark.parametrize(
+    ("tracks", "unseen", "told"),
+    [
+        ([(1, 0, 29, 0.0), (3, 20, STEPS - 1, 0.6), TWO], None, [(SWITCH, MERGE)]),
+        # The old one drifts off onto nothing while the new one is on the vehicle.
+        ([(1, 0, 29, 0.0), (1, 30, STEPS - 1, -9.0), (3, 30, STEPS - 1, 0.0), TWO], None, [(SWITCH, BIRTH)]),
+        (
+            [(1, 0, 29, 0.0), (2, 0, 29, 4.0), (1, 30, STEPS - 1, 4.0), (2, 30, STEPS - 1, 0.0)],
+            None,
+            [(SWITCH, ASSOCIATION)] * 2,
+        ),
+        ([(1, 0, 19, 0.0), ON_NOTHING, NEW, TWO], (20, 33), [(SWITCH, REIDENTIFICATION)]),
+        ([(1, 0, 25, 0.0), NEW, TWO], (20, 33), [(LOSS, DEATH), (SWITCH, DEATH)]),
+    ],
+    ids=["ends beside another", "born beside a living one", "change places", "comes back", "ends while hidden"],
+)
+def test_each_failure_has_the_cause_that_the_tracks_show(tracks, unseen, told):
+    assert [(each.kind, each.cause) for each in scene(tracks, unseen)] == told
 
 
 def test_the_table_sums_to_the_total_and_links_to_the_moment():

@@ -70,10 +70,20 @@ def test_a_road_without_vehicles_gives_empty_answers():
     assert fraction.shape == occluder.shape == (0,)
 
 
-def test_a_lone_car_is_wholly_visible_and_nothing_hides_it():
-    fraction, occluder = cars((20.0, 3.0)).look()
-    assert fraction == pytest.approx([1.0])
-    assert occluder.tolist() == [-1]
+@pytest.mark.parametrize(
+    ("places", "fractions", "occluders"),
+    [
+        ([(20.0, 3.0)], [1.0], [-1]),
+        ([(20.0, 1.0), (20.0, 1.0)], [1.0, 1.0], [-1, -1]),
+        ([(1.0, 0.2), (20.0, 0.0), (-20.0, 3.0)], [1.0, 0.0, 0.0], [-1, 0, 0]),
+        ([(2.35, 0.0), (20.0, 0.0)], [1.0, 0.0], [-1, 0]),
+    ],
+    ids=["a lone car", "two in one place", "one around the sensor", "one whose edge the sensor is on"],
+)
+def test_who_is_seen_and_who_is_hidden_by_whom(places, fractions, occluders):
+    fraction, occluder = cars(*places).look()
+    assert fraction == pytest.approx(fractions)
+    assert occluder.tolist() == occluders
 
 
 @pytest.mark.parametrize("bearing", [0.0, 0.3, np.pi / 2, np.pi, -np.pi + 1e-9, -2.0])
@@ -109,23 +119,6 @@ def test_cars_that_touch_hide_only_what_lies_behind():
     assert fraction[0] == pytest.approx(1.0)
     assert fraction[1] == pytest.approx(0.0, abs=1e-9)
     assert 0.9 < fraction[2] <= 1.0
-
-
-def test_two_rectangles_in_the_same_place_are_both_seen():
-    fraction, occluder = cars((20.0, 1.0), (20.0, 1.0)).look()
-    assert fraction == pytest.approx([1.0, 1.0])
-    assert occluder.tolist() == [-1, -1]
-
-
-def test_a_rectangle_round_the_sensor_hides_everything_else():
-    fraction, occluder = cars((1.0, 0.2), (20.0, 0.0), (-20.0, 3.0)).look()
-    assert fraction == pytest.approx([1.0, 0.0, 0.0])
-    assert occluder.tolist() == [-1, 0, 0]
-
-
-def test_a_sensor_on_the_edge_of_a_rectangle_gets_finite_answers():
-    fraction, _ = cars((2.35, 0.0), (20.0, 0.0)).look()
-    assert fraction == pytest.approx([1.0, 0.0])
 
 
 def test_overlapping_rectangles_are_shared_out_where_their_edges_cross():

@@ -52,12 +52,13 @@ def test_a_new_track_at_a_coasting_one_takes_its_identity_and_the_old_one_goes()
     assert stitcher.stitch(alone, sightings([2.8], [3.1]), 3.1).tracks.track_id.tolist() == [1]
 
 
-def test_a_new_track_where_an_ended_one_would_be_takes_its_identity():
-    stitcher = IdentityStitcher(StitchingOptions())
+@pytest.mark.parametrize(("remember_s", "identity"), [(StitchingOptions().remember_s, 1), (2.0, 2)])
+def test_a_new_track_where_an_ended_one_would_be_takes_its_identity_while_it_is_remembered(remember_s, identity):
+    stitcher = IdentityStitcher(StitchingOptions(remember_s=remember_s))
     hide_track_1(stitcher)
     stitcher.stitch(tracks_of([]), sightings([], []), 2.0)
     new = tracks_of([(2, 161.0, 5.0, 0.3, CONFIRMED)])
-    assert stitcher.stitch(new, sightings([3.8], [4.0]), 4.0).tracks.track_id.tolist() == [1]
+    assert stitcher.stitch(new, sightings([3.8], [4.0]), 4.0).tracks.track_id.tolist() == [identity]
 
 
 @pytest.mark.parametrize(
@@ -83,11 +84,3 @@ def test_one_lost_identity_goes_to_the_nearer_of_two_new_tracks():
     three = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), (2, 145.0, 5.0, 0.3, CONFIRMED), (3, 141.0, 5.0, 0.3, CONFIRMED)])
     stitched = stitcher.stitch(three, sightings([0.0, 2.8, 2.8], [1.0, 3.0, 3.0]), 3.0)
     assert stitched.tracks.track_id.tolist() == [2, 1]
-
-
-def test_a_track_unseen_for_longer_than_remembered_is_forgotten():
-    stitcher = IdentityStitcher(StitchingOptions(remember_s=2.0))
-    hide_track_1(stitcher)
-    stitcher.stitch(tracks_of([]), sightings([], []), 2.0)
-    new = tracks_of([(2, 161.0, 5.0, 0.3, CONFIRMED)])
-    assert stitcher.stitch(new, sightings([3.8], [4.0]), 4.0).tracks.track_id.tolist() == [2]
