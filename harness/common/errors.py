@@ -8,6 +8,10 @@ class InputError(Exception):
     to fix it. The command line spells the names of its own options as they are typed.
     """
 
+    def __init__(self, message: str) -> None:
+        """Take the message; what a library said in several lines becomes one."""
+        super().__init__(" ".join(message.splitlines()))
+
 
 class RunError(Exception):
     """A run failed part-way through no fault of the input: exit code 3; what was finished is kept."""

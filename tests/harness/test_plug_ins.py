@@ -146,7 +146,6 @@ def test_a_reader_that_returns_nonsense_is_told_which_check_fails(returned, told
     with pytest.raises(harness.InputError) as error:
         open_recorded_traffic(tmp_path / "queue.bin", "odd_reader:read", "recording", "auto", 3.0)
     assert told in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +196,6 @@ def test_an_export_that_returns_nonsense_is_told_which_check_fails(returned, tol
     with pytest.raises(harness.InputError, match=r"^`to` odd_export:write: ") as error:
         export_run(folder, "odd_export:write")
     assert told in str(error.value)
-    assert "\n" not in str(error.value)
     assert not list((folder / "export").iterdir())
 
 

@@ -20,9 +20,8 @@ BLIND = ("sensor.detection_probability=0.0", "sensor.clutter_per_scan=0.0")
 @pytest.mark.parametrize(("settings", "reason"), [(NOBODY, "range"), (BLIND, "detected")])
 def test_a_run_that_sees_nobody_is_refused_with_the_reason_and_leaves_nothing(settings, reason, tmp_path):
     config = resolve_run_config(options={"tracker": ECHO}, settings=settings)
-    with pytest.raises(InputError, match=f"nothing can be scored.*{reason}") as told:
+    with pytest.raises(InputError, match=f"nothing can be scored.*{reason}"):
         run(config, out=tmp_path / "run", open_snapshots=observing(SteadyTraffic(steps=8)))
-    assert "\n" not in str(told.value)
     assert not list(tmp_path.iterdir())
 
 
