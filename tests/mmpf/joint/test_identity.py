@@ -128,7 +128,7 @@ def test_one_seen_again_is_a_vehicle_unless_neither_it_nor_the_hidden_one_that_i
     kinds = certain_vehicles(2) * np.array([0.8, 0.3])[:, None, None, None]
     kinds[:, STANDING, 0, 0] = 0.2, 0.7
     after, _ = handed_over(replace(mixture, components=replace(mixture.components, kinds=kinds)), [False, True])
-    widths = np.array([OPTIONS.kernel_lon_m, OPTIONS.kernel_lat_m, OPTIONS.kernel_speed_mps])
+    widths = np.array(KERNEL_WIDTHS)
     density = 0.9 * norm.pdf([apart_m, 0.0, 0.0], scale=widths).prod()
     same = density / (density + OPTIONS.unknown_density)
     assert after.components.vehicle == pytest.approx([1.0 - (1.0 - 0.95 * 0.3) * (1.0 - same * 0.9 * 0.8)])
