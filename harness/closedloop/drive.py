@@ -16,7 +16,7 @@ from harness.common.charts import draw_charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
-from harness.grid.cells import Cell, GridPlan
+from harness.grid.cells import Cell, GridPlan, labels_markdown
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, keeping, make_rows
 from harness.grid.pool import OnRow, run_cells
 from harness.grid.result_rows import assemble
@@ -147,7 +147,7 @@ def _write_outcome(grid: GridPlan, request: DriveRequest, out: Path, rows: Mappi
     draw_charts(drive_charts(found), title, out / FIGURES / FIGURE)
     about = {"drive": request.as_table(), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
     summary: dict[str, Any] = without_nan(about | {"scores": as_values(found)})
-    write_text(out / TABLE, text)
+    write_text(out / TABLE, text + labels_markdown(grid))
     write_text(out / SUMMARY, json.dumps(summary, indent=2) + "\n")
     write_table(table, out / RUNS)
     return FinishedDrives(out, text, summary, tuple(shown))

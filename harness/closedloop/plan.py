@@ -133,7 +133,7 @@ def plan_drives(request: DriveRequest) -> GridPlan:
             raise InputError(f"`provoke` {kind}: choose of {', '.join(PROVOKED)}")
     if request.seed + (request.episodes + 1) // 2 > MOST_SEED:
         raise InputError(f"`seed` {request.seed}: {request.episodes} episodes need more seeds than there are")
-    configs = _configs(request, beliefs)
+    configs, labels = _configs(request, beliefs)
     cells = []
     for pair in range((request.episodes + 1) // 2):
         provoked, seed = kinds[pair % len(kinds)], request.seed + pair
@@ -153,7 +153,7 @@ def plan_drives(request: DriveRequest) -> GridPlan:
             for label, config in configs.items()
         )
         cells.append(Cell(tuple(drives)))
-    return GridPlan(tuple(cells), AXES)
+    return GridPlan(tuple(cells), AXES, labels)
 
 
 def flow_of(cell: Cell) -> float | None:
@@ -202,8 +202,8 @@ def with_truth(request: DriveRequest) -> DriveRequest:
     return request if TRUTH in beliefs else replace(request, beliefs=",".join([TRUTH, *beliefs]))
 
 
-def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, RunConfig]:
-    """Return the beliefs' configurations by their labels, as a stress test on the same lists would have them."""
+def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> tuple[Mapping[str, RunConfig], Mapping[str, str]]:
+    """Return configurations by label, as a stress test on the same lists has them, and what the labels mean."""
     if any(word.strip().startswith("altered.") for word in request.settings):
         raise InputError("`settings`: altered.* is for run and stress; set sensor.* here, such as sensor.burst_share")
     trackers = dict.fromkeys(STAND_IN if belief == TRUTH else belief for belief in beliefs)
@@ -219,11 +219,13 @@ def _configs(request: DriveRequest, beliefs: tuple[str, ...]) -> Mapping[str, Ru
         settings=(*request.settings, *words),
     )
     try:
-        runs = dict(zip(trackers, plan_grid(grid).runs, strict=True))
+        plan = plan_grid(grid)
     except InputError as error:
         told = str(error).replace("`trackers`", "`perception`").replace("`densities`", "`density`")
         raise InputError(told) from None
-    return {
+    runs = dict(zip(trackers, plan.runs, strict=True))
+    configs = {
         TRUTH if belief == TRUTH else runs[belief].variant: runs[STAND_IN if belief == TRUTH else belief].config
         for belief in beliefs
     }
+    return configs, plan.labels

@@ -24,10 +24,12 @@ class GridPlan:
     Attributes:
         cells: The cells, sorted as their rows are.
         axes: Keys of ``vary``.
+        labels: What stands behind the labels of trackers: their names with settings.
     """
 
     cells: tuple[Cell, ...]
     axes: tuple[str, ...]
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def runs(self) -> tuple[PlannedRun, ...]:
@@ -38,6 +40,12 @@ class GridPlan:
     def is_replay(self) -> bool:
         """Whether the traffic was recorded, not simulated."""
         return self.cells[0].config.replay is not None
+
+
+def labels_markdown(grid: GridPlan) -> str:
+    """Return what the labels of trackers mean; nothing where no tracker has one."""
+    told = [f"- {label}: `{tracker}`" for label, tracker in grid.labels.items()]
+    return "\n".join(["", "## What the labels mean", "", *told, ""]) if told else ""
 
 
 @dataclass(frozen=True)

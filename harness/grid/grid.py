@@ -130,14 +130,22 @@ def plan_grid(request: GridRequest) -> GridPlan:
             Cell(tuple(replace(run, config=run.config.model_copy(update={"seed": seed})) for run in first))
             for seed in seeds
         ]
-    return GridPlan(tuple(cells), tuple(axes))
+    labels = {variant.label: variant.tracker for variant in variants if variant.label != variant.tracker}
+    return GridPlan(tuple(cells), tuple(axes), labels)
 
 
 @dataclass(frozen=True)
 class _Variant:
-    """A tracker with settings of its own and, where it takes one, a model; called by the label."""
+    """A tracker with settings of its own and, where it takes one, a model.
+
+    Attributes:
+        label: What it is called.
+        tracker: Its name and settings as they were written.
+        name: Its name.
+    """
 
     label: str
+    tracker: str
     name: str
     settings: tuple[str, ...]
     model: str | None = None
@@ -152,7 +160,8 @@ def _variants(request: GridRequest) -> list[_Variant]:
     models = names(request.models, "models", "gmm,idm,cvm,cam") if request.models is not None else (None,)
     variants: list[_Variant] = []
     for text in names(request.trackers, "trackers", TRACKER_EXAMPLE):
-        label, (name, *settings) = _named(text)
+        label, tracker = _labelled(text)
+        name, *settings = tracker.split("+")
         for setting in settings:
             key, equals, value = setting.partition("=")
             if not (key and equals and value):
@@ -163,20 +172,20 @@ def _variants(request: GridRequest) -> list[_Variant]:
         full = tuple(_full_key(setting) for setting in settings)
         if label in (variant.label for variant in variants):
             raise InputError(f"`trackers` {text}: another tracker is called {label} too; choose another name")
-        variants += [_Variant(label, name, full, model) for model in (models if crossed else (None,))]
+        variants += [_Variant(label, tracker, name, full, model) for model in (models if crossed else (None,))]
     if request.models is not None and not any(variant.model for variant in variants):
         raise InputError("`models`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")
     return variants
 
 
-def _named(text: str) -> tuple[str, list[str]]:
-    """Return what a tracker is called, and its name and settings; without ``LABEL=`` it is called as it is written."""
-    label, _, told = text.partition("=")
-    if not told or not LABEL.fullmatch(label):
-        return text, text.split("+")
+def _labelled(text: str) -> tuple[str, str]:
+    """Return a tracker's label and the tracker; without ``LABEL=`` it is called as it is written."""
+    label, _, tracker = text.partition("=")
+    if not tracker or not LABEL.fullmatch(label):
+        return text, text
     if label in (TRUE_PERCEPTION, *trackers):
-        raise InputError(f"`trackers` {text}: {label} is the name of another tracker; for example my-{label}={told}")
-    return label, told.split("+")
+        raise InputError(f"`trackers` {text}: {label} is the name of another tracker; for example my-{label}={tracker}")
+    return label, tracker
 
 
 def _full_key(setting: str) -> str:

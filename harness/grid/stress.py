@@ -20,7 +20,7 @@ from harness.common.charts import draw_charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
-from harness.grid.cells import GridPlan, distinct_trackers
+from harness.grid.cells import GridPlan, distinct_trackers, labels_markdown
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.grid.result_rows import assemble
@@ -143,7 +143,7 @@ def _write_outcome(grid: GridPlan, request: GridRequest, out: Path, rows: Mappin
     told = tell(table, grid, request, out / FIGURES, _lines(failures))
     about = {"grid": request.as_table(), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
     summary: dict[str, Any] = without_nan(about | told.numbers)
-    write_text(out / TABLE, told.text)
+    write_text(out / TABLE, told.text + labels_markdown(grid))
     write_text(out / SUMMARY, json.dumps(summary, indent=2) + "\n")
     write_table(table, out / RUNS)
     return FinishedGrid(out, request.title, summary, told.points, told.breaks)

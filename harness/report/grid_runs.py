@@ -127,7 +127,8 @@ def _conclusion(placed: Sequence[tuple[str, str, int, PlannedRun]], scores: Floa
 def _about(grid: GridPlan) -> str:
     """Return in a sentence which trackers were run on what."""
     configs = [run.config for run in grid.runs]
-    trackers = ", ".join(dict.fromkeys(_tracker(run) for run in grid.runs))
+    meant = {label: f" ({tracker})" for label, tracker in grid.labels.items()}
+    trackers = ", ".join(dict.fromkeys(_tracker(run) + meant.get(run.variant, "") for run in grid.runs))
     settings = "; ".join(dict.fromkeys(_setting(run, several_nets=True) for run in grid.runs))
     seeds = sorted({config.seed for config in configs})
     durations = "; ".join(dict.fromkeys(f"{config.traffic.duration_s:g} s" for config in configs))

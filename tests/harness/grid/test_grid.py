@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from harness.grid.cells import labels_markdown
 from harness.grid.grid import GridRequest, plan_grid
 
 
@@ -28,11 +29,10 @@ def test_a_variant_sets_named_settings_and_options_of_its_tracker_alone():
 
 
 def test_a_label_names_a_tracker_with_its_settings():
-    runs = plan_grid(GridRequest(densities="20", seeds="1", trackers="pmbm,calm=pmbm+lon_noise=1.5")).runs
-    assert [run.variant for run in runs] == ["pmbm", "calm"]
-    assert [(run.config.tracker.name, run.config.tracker.options) for run in runs] == [
-        ("pmbm", {}), ("pmbm", {"lon_noise": 1.5}),
-    ]  # fmt: skip
+    grid = plan_grid(GridRequest(densities="20", seeds="1", trackers="pmbm,calm=pmbm+lon_noise=1.5"))
+    assert [run.variant for run in grid.runs] == ["pmbm", "calm"]
+    assert [run.config.tracker.options for run in grid.runs] == [{}, {"lon_noise": 1.5}]
+    assert "- calm: `pmbm+lon_noise=1.5`" in labels_markdown(grid)
 
 
 def test_a_run_keeps_its_key_in_a_larger_grid():
