@@ -29,9 +29,6 @@ from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.signals import code_of_end, ends_like_ctrl_c, told_to_end
 from mmpf.registry import Entry, Registry, UnknownNameError
 
-EXIT_DONE, EXIT_REGRESSION, EXIT_USER_ERROR, EXIT_RUN_FAILED, EXIT_INTERRUPTED = (
-    *(exit_codes.DONE, exit_codes.WORSE, exit_codes.WRONG_INPUT, exit_codes.RUN_FAILED, exit_codes.INTERRUPTED),
-)
 AS_TYPED = (InputError, UnknownNameError, RunError, RunInterruptedError)
 """Errors whose messages name parameters, as Python spells them."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM)
@@ -109,7 +106,9 @@ def other_checkout(place: Path, running: Path) -> Path | None:
 def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) -> int:
     """Run a command and turn whatever ends it into an exit code."""
     try:
-        outcome = group(args=_completed(arguments, called), prog_name="python -m harness", standalone_mode=False)
+        # What was typed without a value that may have one gets it.
+        words = list(arguments) if called not in COMMANDS.own else with_values(COMMANDS[called], arguments)
+        outcome = group(args=words, prog_name="python -m harness", standalone_mode=False)
         sys.stdout.flush()
     except (BrokenPipeError, SystemExit) as error:
         # Typer makes a SystemExit of a reader that has gone.
@@ -122,14 +121,9 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
         message, exit_code = _told(error)
         return _complain(_as_typed(message, group, called) if isinstance(error, AS_TYPED) else message, exit_code)
     # Typer itself turns a Ctrl-C into this exit code.
-    if outcome == EXIT_INTERRUPTED:
+    if outcome == exit_codes.INTERRUPTED:
         return _complain("interrupted", code_of_end())
-    return outcome if isinstance(outcome, int) else EXIT_DONE
-
-
-def _completed(arguments: Sequence[str], called: str | None) -> list[str]:
-    """Return what was typed, with the values of options that were typed without one."""
-    return list(arguments) if called not in COMMANDS.own else with_values(COMMANDS[called], arguments)
+    return outcome if isinstance(outcome, int) else exit_codes.DONE
 
 
 def _told(error: BaseException) -> tuple[str, int]:
@@ -143,16 +137,16 @@ def _told(error: BaseException) -> tuple[str, int]:
         case Exception() if told_to_end():
             told = "interrupted", code_of_end()
         case TyperException():
-            told = error.format_message(), EXIT_USER_ERROR
+            told = error.format_message(), exit_codes.WRONG_INPUT
         case InputError() | UnknownNameError():
-            told = str(error), EXIT_USER_ERROR
+            told = str(error), exit_codes.WRONG_INPUT
         case RunError():
-            told = str(error), EXIT_RUN_FAILED
+            told = str(error), exit_codes.RUN_FAILED
         case OSError():
-            fix = "choose another file or folder, or make room"
-            told = f"{in_words(error)}; {fix}", EXIT_RUN_FAILED if error.errno in NO_ROOM else EXIT_USER_ERROR
+            code = exit_codes.RUN_FAILED if error.errno in NO_ROOM else exit_codes.WRONG_INPUT
+            told = f"{in_words(error)}; choose another file or folder, or make room", code
         case MemoryError():
-            told = "out of memory; make the run smaller or the machine larger", EXIT_RUN_FAILED
+            told = "out of memory; make the run smaller or the machine larger", exit_codes.RUN_FAILED
         case _:
             # Never the exit code 1 that Python itself ends with: that is a verdict of compare.
             if os.environ.get(TRACEBACK):

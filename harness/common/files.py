@@ -30,13 +30,18 @@ def replacing(final: Path) -> Iterator[Path]:
     if final.exists() and not final.is_file():
         yield final
         return
-    temporary = final.with_name(f".{final.name}.{os.getpid()}{TEMPORARY}")
+    temporary = temporary_of(final)
     try:
         yield temporary
         temporary.replace(final)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def temporary_of(final: Path) -> Path:
+    """Return where ``replacing`` lets a file be written first."""
+    return final.with_name(f".{final.name}.{os.getpid()}{TEMPORARY}")
 
 
 def is_temporary(name: str) -> bool:

@@ -211,7 +211,9 @@ def _work(
             lengths = [len(part) for part in parts]
             frames: tuple[bytes | memoryview, ...] = (struct.pack(f"Q{len(parts)}Q", len(parts), *lengths), *parts)
             for part in frames:
-                _write(writing, part)
+                left = memoryview(part)
+                while left:
+                    left = left[os.write(writing, left) :]
             if answer is not None:
                 _renew_cpu(limits)
 
@@ -283,12 +285,6 @@ def _read(reading: int, length: int, patience_s: float) -> bytearray:
             raise EOFError
         left = left[came:]
     return content
-
-
-def _write(writing: int, content: bytes | memoryview) -> None:
-    left = memoryview(content)
-    while left:
-        left = left[os.write(writing, left) :]
 
 
 def _in_words(status: int, limits: ProcessLimits) -> str:

@@ -121,17 +121,14 @@ class Evaluation:
         """
         stream = RandomStreams.from_seed(self.seed).tracker if stream is None else stream
         watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()))
+        if (writer := self.writer) is not None:
+            watchers = (*watchers, lambda *_: writer.keep_room({runfolder.MANIFEST: 0, **self._recorder.size_bytes}))
         follow(self.snapshots, self.build, self._recorder, stream, watchers, self.times)
 
     def recorded(self) -> dict[str, pd.DataFrame]:
         """Return what is kept and not scored yet, by file."""
-        recorded, kept = self._recorder.tables(), {name: each.table() for name, each in self.keepers.items()}
-        return {
-            **{name: table for name, table in kept.items() if table is not None},
-            runfolder.TRUTH: recorded.truth,
-            runfolder.DETECTIONS: recorded.detections,
-            runfolder.TRACKS: recorded.tracks,
-        }
+        kept = {name: each.table() for name, each in self.keepers.items()}
+        return self._recorder.tables() | {name: table for name, table in kept.items() if table is not None}
 
     def finish(self) -> Evaluated:
         """Score what was followed and return everything; what is written is finished."""

@@ -155,6 +155,7 @@ def _unknown(table: Mapping[str, Any]) -> dict[str, Any]:
 
 def _log(logs: Logs, role: str, path: Path) -> LogFile:
     ego = Path(logs["ego"]) if logs["ego"] is not None and Path(logs["ego"]).exists() else None
+    path = path / f"{role}.parquet" if runfolder.is_run_folder(path) else path
     return LogFile(path, role, logs["format"], logs["step"], ego)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -24,21 +25,6 @@ STRETCH_ROWS = 300_000
 """Rows of the truth after which a run's next episode begins a new stretch."""
 
 
-@dataclass(frozen=True)
-class RunTables:
-    """The tables of a run; ``truth_id`` of a detection is empty for clutter.
-
-    Attributes:
-        truth: One row per vehicle and step.
-        detections: One row per detection; ``truth_id`` is empty for clutter.
-        tracks: One row per track and step.
-    """
-
-    truth: pd.DataFrame
-    detections: pd.DataFrame
-    tracks: pd.DataFrame
-
-
 @dataclass
 class ColumnRecorder:
     """Keeps every step's columns; only whole steps are ever handed out.
@@ -46,19 +32,19 @@ class ColumnRecorder:
     A stretch is one or more whole episodes; what depends on nothing but its episode can be made of it alone.
 
     Attributes:
+        size_bytes: How much of each table is kept, by its file.
         end_stretch: Called between two episodes when at least ``stretch_rows`` rows of truth are kept; it takes the
             ``tables`` and lets the recorder ``forget`` them. None keeps the whole run.
     """
 
     steps: int = 0
+    size_bytes: Counter[str] = field(default_factory=Counter)
     end_stretch: Callable[[], None] | None = None
     stretch_rows: int = STRETCH_ROWS
     _forgotten: int = 0
     _rows: int = 0
     _episode: int | None = None
-    _truth: list[Columns] = field(default_factory=list)
-    _detections: list[Columns] = field(default_factory=list)
-    _tracks: list[Columns] = field(default_factory=list)
+    _columns: dict[str, list[Columns]] = field(default_factory=lambda: {TRUTH: [], DETECTIONS: [], TRACKS: []})
 
     def add(self, snapshot: Snapshot, tracks: Tracks) -> None:
         """Record one step."""
@@ -66,9 +52,10 @@ class ColumnRecorder:
         if self.end_stretch is not None and new_episode and self._rows >= self.stretch_rows:
             self.end_stretch()
         self._episode = snapshot.frame.episode
-        self._truth.append(_truth_columns(snapshot))
-        self._detections.append(_detection_columns(snapshot))
-        self._tracks.append(_track_columns(snapshot.frame, tracks))
+        new = (_truth_columns(snapshot), _detection_columns(snapshot), _track_columns(snapshot.frame, tracks))
+        for (name, kept), columns in zip(self._columns.items(), new, strict=True):
+            kept.append(columns)
+            self.size_bytes[name] += sum(column.nbytes for column in columns.values())
         self._rows += len(snapshot.frame)
         self.steps += 1
 
@@ -77,18 +64,15 @@ class ColumnRecorder:
         """How many steps were recorded since the last stretch ended."""
         return self.steps - self._forgotten
 
-    def tables(self) -> RunTables:
-        """Return what is kept; an interrupt in the middle of a step leaves that step out."""
-        return RunTables(
-            truth=_joined(self._truth[: self.kept]),
-            detections=_joined(self._detections[: self.kept]),
-            tracks=_joined(self._tracks[: self.kept]),
-        )
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Return the tables that are kept, by file; an interrupt in the middle of a step leaves that step out."""
+        return {name: _joined(columns[: self.kept]) for name, columns in self._columns.items()}
 
     def forget(self) -> None:
         """Free what is stored."""
         self._forgotten, self._rows = self.steps, 0
-        for columns in (self._truth, self._detections, self._tracks):
+        self.size_bytes.clear()
+        for columns in self._columns.values():
             columns.clear()
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from harness.common.bounds import check_numbers
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
 from harness.running.recorder import detections_of, frame_of
@@ -25,7 +26,6 @@ from mmpf.map.road import Road
 from mmpf.scan import Scan
 
 PARAMETER = "replay"
-FARTHEST, SIZES_M = 1e8, (0.1, 60.0)
 RECORDED = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD)
 
 
@@ -40,7 +40,7 @@ def read_snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
 
 
 def _snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
-    runfolder.read_manifest(folder, PARAMETER)
+    runfolder.read_manifest(folder, PARAMETER, ended=False)
     truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER)
     detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
@@ -77,14 +77,8 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
     """Refuse by a ``ValueError`` a recording over which a tracker or a score would stumble later."""
     if not len(truth):
         raise ValueError("the truth contains no vehicle")
-    table = TABLES[runfolder.TRUTH]
-    columns = [name for name in (*table.needed, "direction_rad") if name in truth and not table.of(name).is_text]
-    numbers = truth[columns].to_numpy(dtype=np.float64)
-    if not (np.abs(numbers) <= FARTHEST).all():
-        raise ValueError("the truth holds a value that is not finite or beyond any road")
-    sizes = truth[["length_m", "width_m"]].to_numpy(dtype=np.float64)
-    if not ((sizes > SIZES_M[0]) & (sizes < SIZES_M[1])).all():
-        raise ValueError(f"a vehicle's size is not within {SIZES_M[0]:g} to {SIZES_M[1]:g} m")
+    for name, rows in ((runfolder.TRUTH, truth), (runfolder.DETECTIONS, detections)):
+        check_numbers(name, rows, {column.name: column.numbers for column in TABLES[name].columns if column.numbers})
     egos = truth.groupby("step")["is_ego"].sum()
     if not (egos == 1).all():
         raise ValueError(f"step {egos.index[egos != 1][0]} has {egos[egos != 1].iloc[0]} egos")
@@ -93,14 +87,6 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
     times = truth.groupby("step")["time_s"].agg(["min", "max"]).to_numpy(dtype=np.float64)
     if (times[:, 0] != times[:, 1]).any() or (np.diff(times[:, 0]) <= 0.0).any():
         raise ValueError("the times of the steps do not ascend")
-    measured = detections[["lon_m", "lat_m", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
-    if not (np.abs(measured) <= FARTHEST).all() or not (measured[:, 2:] > 0.0).all():
-        raise ValueError("a detection is not finite, or its deviation is not positive")
-    if "correlation" in detections and not (detections["correlation"].abs() < 1.0).all():
-        raise ValueError("correlation of a detection is not between -1 and 1")
-    speed = detections[["speed_mps", "std_speed_mps"]].to_numpy(dtype=np.float64)
-    if np.isinf(speed).any() or (speed[:, 1] <= 0.0).any():
-        raise ValueError("a measured speed is not finite, or its deviation is not positive")
 
 
 def _by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:

@@ -97,7 +97,7 @@ def _own_detections_part(
 
 def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
     """Return traffic, sensor and (unless asked otherwise) seed of the recording; refuse what contradicts them."""
-    runfolder.read_manifest(folder, "replay")
+    runfolder.read_manifest(folder, "replay", ended=False)
     config = config_from_table(runfolder.read_config_table(folder, "replay"))
     if asked.get("sensor", {}).get("profile") != config.sensor.profile:
         check_sensor_of_folder(config.sensor, folder, "replay")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -96,7 +98,8 @@ def run(
 
     Raises:
         InputError: The input is wrong, no window can be opened or another run is in ``out``; nothing is left behind.
-        RunError: The run failed part-way; its finished steps lie in a folder that says so.
+        RunError: The run failed part-way; its finished steps lie in a folder that says so. Or it is complete but for
+            its pictures, for which there was no room.
         RunInterruptedError: The user stopped the run; likewise.
     """
     check_tracker(config)
@@ -112,7 +115,7 @@ def run(
     try:
         metrics = attempt.complete(open_snapshots, draw, quiet)
         with signals_held(forgotten=True):
-            return FinishedRun(folder=pending.finish(), metrics=metrics)
+            finished = FinishedRun(folder=pending.finish(), metrics=metrics)
     except InputError:
         pending.discard()
         raise
@@ -127,9 +130,16 @@ def run(
         left = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
         if runfolder.MANIFEST not in left:
             left = left.replace("steps are", f"steps and the traceback ({runfolder.MANIFEST}) are")
-        raise RunError(f"the run failed after {attempt.steps} steps: {in_words(error)}; {left}") from error
+        fix = "; make room" if isinstance(error, OSError | MemoryError) else ""
+        raise RunError(f"the run failed after {attempt.steps} steps: {in_words(error)}{fix}; {left}") from error
     finally:
         attempt.close()
+    if attempt.undrawn is not None:
+        raise RunError(
+            f"the run is complete in {finished.folder} but not drawn ({in_words(attempt.undrawn)}); make room, then "
+            f"`python -m harness report {finished.folder} --figures png`"
+        ) from attempt.undrawn
+    return finished
 
 
 def is_interrupt(error: BaseException) -> bool:
@@ -158,7 +168,9 @@ def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, pro
     with signals_held(forgotten=True):
         try:
             flaws = attempt.leave(status, problem)
-            return f"the finished steps are in {pending.leave_incomplete()}{flaws}"
+            left = pending.leave_incomplete()
+            score = f"`python -m harness score --truth {left} --tracks {left}`"
+            return f"the finished steps are in {left}{flaws}; {score} scores them"
         except (OSError, MemoryError) as error:
             # A folder that lacks some of its tables is of no use, and takes room that there is none of.
             pending.discard()
@@ -173,6 +185,7 @@ class _Attempt:
         self._writer = RunWriter(folder, config.seed, command)
         self._evaluation: Evaluation | None = None
         self._snapshots: SnapshotStream | None = None
+        self.undrawn: OSError | MemoryError | None = None
 
     @property
     def steps(self) -> int:
@@ -212,14 +225,23 @@ class _Attempt:
             evaluated = evaluation.finish()
             check_scored(evaluated.scores, self.steps)
         if draw is not None:
-            with writer.timed("draw"), working("drawing", quiet):
+            with writer.timed("draw"), working("drawing", quiet), self._drawing():
                 draw.figures(folder / runfolder.FIGURES, self._pictured(snapshots, moment, evaluated))
         metrics = evaluated.metrics(config, snapshots.about, perf_counter() - begin, diagnostics.stages_ms)
         writer.finish(metrics, self.steps)
-        if draw is not None:
-            with working("writing the page", quiet), trusted():
+        if draw is not None and self.undrawn is None:
+            with working("writing the page", quiet), trusted(), self._drawing():
                 draw.page(folder)
         return metrics
+
+    @contextmanager
+    def _drawing(self) -> Iterator[None]:
+        """Let pictures that find no room be missing: what they show is there, and they can be drawn later."""
+        try:
+            yield
+        except (OSError, MemoryError) as error:
+            self.undrawn = error
+            shutil.rmtree(self._folder / runfolder.FIGURES, ignore_errors=True)
 
     def leave(self, status: str, problem: str) -> str:
         """Write the unfinished run, and return a sentence on what is missing for lack of space."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
 
 from harness.common.files import write_text
 from harness.common.numbers import as_json
@@ -45,6 +47,7 @@ class RunWriter:
     def __post_init__(self) -> None:
         """Begin without a table."""
         self._tables = GrowingTables(self.folder)
+        self.keep_room = self._tables.keep_room
 
     @contextmanager
     def timed(self, phase: str) -> Iterator[None]:
@@ -82,22 +85,31 @@ class RunWriter:
         for name in (runfolder.MANIFEST, runfolder.METRICS):
             (self.folder / name).unlink(missing_ok=True)
         shutil.rmtree(self.folder / runfolder.FIGURES, ignore_errors=True)
-        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS, runfolder.BRAKINGS, runfolder.COMMANDS))
+        beside = (runfolder.DIAGNOSTICS, runfolder.PARTICLES, runfolder.UNSEEN) if not self._stretch else ()
+        self._tables.drop((runfolder.ERRORS, runfolder.EVENTS, runfolder.BRAKINGS, runfolder.COMMANDS, *beside))
         unwritten = rest[runfolder.TRUTH]["step"].nunique() if len(rest.get(runfolder.TRUTH, ())) else 0
+        needed = {name: rest[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS) if unwritten}
         try:
-            self._tables.append(self._stretch, rest if unwritten else {})
+            self._tables.append(self._stretch, needed)
         except (OSError, MemoryError):
             if not self._stretch:
                 raise
             self._tables.take_back(self._stretch)
-            steps -= unwritten
-        apart = self._tables.close_or_leave_apart()
-        flaws = [f"later rows lie beside their tables in {', '.join(apart)}"] if apart else []
+            steps, unwritten = steps - unwritten, 0
+        flaws = ""
+        try:
+            self._tables.close()
+        except (OSError, MemoryError, pa.ArrowException):
+            flaws += ", later rows of its tables in files of their own"
         try:
             self._write_manifest(status, problem, steps, {})
         except OSError:
-            flaws.append(f"{runfolder.MANIFEST} found no room")
-        return "".join(f", {flaw}" for flaw in flaws)
+            flaws += f", {runfolder.MANIFEST} found no room"
+        # What can be done without comes last.
+        with suppress(OSError, MemoryError, pa.ArrowException):
+            self._tables.append(self._stretch, rest if unwritten else {})
+            self._tables.close()
+        return flaws
 
     def _write_manifest(self, status: str, problem: str | None, steps: int, rows: Mapping[str, int]) -> None:
         files = hashes_of(self.folder) if status == runfolder.COMPLETE else {}

@@ -22,6 +22,10 @@ from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
 
 AGAIN = "make the run again"
+READABLE = (
+    *(pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_string, pa.types.is_large_string),
+    pa.types.is_null,
+)
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
@@ -65,7 +69,7 @@ def _table(path: Path, place: str, until: Until | None, noted: int | None) -> pa
                 )
             for field in schema:
                 kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-                if not (_is_number(kind) or _is_text(kind) or pa.types.is_null(kind)):
+                if not any(is_kind(kind) for is_kind in READABLE):
                     raise InputError(f"{place}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
             groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
             table = file.read_row_groups(groups, use_threads=False)
@@ -159,11 +163,3 @@ def _check_version(footer: pq.FileMetaData, place: str) -> None:
             f"{place} has {VERSION_KEY} {told.decode()[:20]}, and this program reads up to {SCHEMA_VERSION}; install a "
             "newer one"
         )
-
-
-def _is_number(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind))
-
-
-def _is_text(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from harness.common.files import replacing
+from harness.common.files import replacing, temporary_of
 from harness.storage.tables import write_table
+
+OVERHEAD_BYTES = 1 << 14
+"""What a file takes beside its rows."""
 
 
 class GrowingTables:
@@ -27,6 +30,16 @@ class GrowingTables:
         self._parts: dict[str, list[Path]] = {}
         self._stretches: dict[str, list[int]] = {}
 
+    def keep_room(self, size_bytes: Mapping[str, int]) -> None:
+        """Keep room for rows of tables that are still in memory, so that a full disk shows while they can be written.
+
+        Raises:
+            OSError: There is no room; that which was kept stays.
+        """
+        for name, size in size_bytes.items():
+            with temporary_of(self._next(name)).open("ab") as file:
+                os.posix_fallocate(file.fileno(), 0, OVERHEAD_BYTES + size)
+
     def append(self, stretch: int, tables: Mapping[str, pd.DataFrame]) -> None:
         """Add the rows of a stretch, whose number is above those before, to tables named by their files.
 
@@ -36,11 +49,14 @@ class GrowingTables:
             parts, stretches = self._parts.setdefault(name, []), self._stretches.setdefault(name, [])
             if stretch in stretches:
                 continue
-            stem, suffix = Path(name).stem, Path(name).suffix
-            path = self._folder / (f"{stem}-{len(parts) + 1}{suffix}" if parts else name)
+            path = self._next(name)
             write_table(table, path)
             parts.append(path)
             stretches.append(stretch)
+
+    def _next(self, name: str) -> Path:
+        parts = len(self._parts.get(name, ()))
+        return self._folder / (f"{Path(name).stem}-{parts + 1}{Path(name).suffix}" if parts else name)
 
     def take_back(self, stretch: int) -> None:
         """Remove the rows of the last stretch from those tables that have them; it is not the first."""
@@ -50,21 +66,13 @@ class GrowingTables:
                 self._parts[name].pop().unlink()
 
     def close(self) -> None:
-        """Finish the tables; harmless to call twice.
+        """Finish the tables, the smallest first, since each that is done makes room for the next; harmless twice.
 
         Raises:
             OSError: There is no room; no row is lost, and it may be called again.
         """
-        for name in self._parts:
-            self._close(name)
-
-    def close_or_leave_apart(self) -> list[str]:
-        """Finish those tables that there is room for, and return the files with the later rows of the others."""
-        # The smallest first: each that is done makes room for the next.
         for name in sorted(self._parts, key=lambda name: sum(part.stat().st_size for part in self._parts[name])):
-            with suppress(OSError, MemoryError, pa.ArrowException):
-                self._close(name)
-        return [part.name for parts in self._parts.values() for part in parts[1:]]
+            self._close(name)
 
     def _close(self, name: str) -> None:
         parts = self._parts[name]
@@ -94,10 +102,7 @@ def sampled_rows(path: Path, most_rows: int) -> pd.DataFrame:
     """Return the rows of a table: all, or, of a long one, about so many: those of every second, third, ... step."""
     with pq.ParquetFile(path) as file:
         stride = 1 + file.metadata.num_rows // most_rows
-        pieces = [_every(file.read_row_group(group), stride) for group in range(file.num_row_groups)]
+        groups = (file.read_row_group(group) for group in range(file.num_row_groups))
+        pieces = [rows.filter(pa.array(rows["step"].to_numpy() % stride == 0)) for rows in groups]
         table: pd.DataFrame = pa.concat_tables(pieces or [file.schema_arrow.empty_table()]).to_pandas()
     return table
-
-
-def _every(rows: pa.Table, stride: int) -> pa.Table:
-    return rows if stride == 1 else rows.filter(pa.array(rows["step"].to_numpy() % stride == 0))

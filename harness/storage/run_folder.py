@@ -83,9 +83,7 @@ class PendingFolder:
 
     def leave_incomplete(self) -> Path:
         """Rename the folder to show that the run did not end, and return it."""
-        # On a full disk the ledger stays as it was: nothing will replace the folder, and its rows are kept.
-        with suppress(OSError):
-            ownership.record_all(self.path, ownership.RUN)
+        ownership.record_all(self.path, ownership.RUN)
         marked = self.final.with_name(self.final.name + INCOMPLETE_SUFFIX)
         if marked.exists() and _is_replaceable(marked):
             ownership.remove(marked)
@@ -163,8 +161,8 @@ def is_run_folder(path: Path) -> bool:
     return (path / MANIFEST).is_file() or (path / CONFIG).is_file()
 
 
-def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the manifest of a run folder.
+def read_manifest(folder: Path, parameter: str, *, ended: bool = True) -> dict[str, Any]:
+    """Return the manifest of a run folder; unless it need not have ``ended``, of a whole run.
 
     Raises:
         InputError: The folder is not a run's folder, or the run did not end.
@@ -173,10 +171,10 @@ def read_manifest(folder: Path, parameter: str) -> dict[str, Any]:
         manifest = read_json(folder / MANIFEST, parameter)
     except (OSError, ValueError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
-    if not isinstance(manifest, dict) or manifest.get("status") != COMPLETE:
+    if not isinstance(manifest, dict) or (ended and manifest.get("status") != COMPLETE):
         raise InputError(
             f"`{parameter}`: the run in {folder} did not end, so that it has no scores; run it again, or score its "
-            f"finished steps: `python -m harness score` takes its {TRUTH}, {DETECTIONS} and {TRACKS}"
+            f"finished steps: `python -m harness score --truth {folder} --tracks {folder}`"
         )
     return manifest
 
@@ -226,8 +224,12 @@ def read_table(
     path = folder / name
     if not path.exists():
         raise InputError(f"`{parameter}`: {path} is missing; make the run again")
-    rows = manifest_of(folder).get("rows")
+    manifest = manifest_of(folder)
+    rows = manifest.get("rows")
     table = read_parquet(path, parameter, until, rows.get(name) if isinstance(rows, dict) else None)
+    if manifest.get("status") in (INTERRUPTED, FAILED):
+        later = sorted(folder.glob(f"{path.stem}-[0-9]*{path.suffix}"), key=lambda part: (len(part.name), part.name))
+        table = pd.concat([table, *(read_parquet(part, parameter, until) for part in later)], ignore_index=True)
     known = TABLES.get(name, Table("", ()))
     check_columns(f"`{parameter}`: {path}", table.columns, known.needed if columns is None else columns, AGAIN)
     checked = [column.name for column in known.columns if column.name in table] if columns is None else columns

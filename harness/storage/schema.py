@@ -85,7 +85,7 @@ def _number(name: str, meaning: str, unit: str | None = None, **more: object) ->
     return replace(Column("float64", name, meaning, by_name if unit is None else unit), **more)  # type: ignore[arg-type]
 
 
-SHARE = Numbers(0.0, 1.0)
+SHARE, POSITIVE, GAPS = Numbers(0.0, 1.0), Numbers(1e-12, 1e8), Numbers(gaps=True)
 COUNT, WHOLE = Numbers(0.0, 1e9), Numbers(0, 1e9, whole=True)
 _whole, _flag, _text = (partial(Column, kind) for kind in ("int64", "bool", "string"))
 
@@ -180,8 +180,8 @@ TABLES: dict[str, Table] = {
             _whole("detection", "its number in the scan"),
             *_seen(
                 LON, LAT,
-                replace(LON_SPEED, meaning="measured longitudinal speed; nan where it is not measured"),
-                *STDS,
+                replace(LON_SPEED, meaning="measured longitudinal speed; nan where it is not measured", numbers=GAPS),
+                *(replace(std, numbers=replace(POSITIVE, gaps=std.name == "std_speed_mps")) for std in STDS),
                 _number("length_m", "length of the box fitted to the vehicle", absent=NO_SIZES),
                 _number("width_m", "its width, likewise", absent=NO_SIZES),
                 _number("std_length_m", "standard deviation of `length_m`, as the sensor reports it", absent=NO_SIZES),
@@ -189,7 +189,8 @@ TABLES: dict[str, Table] = {
                 _number("heading_rad", "direction of the box against the longitudinal axis", absent=NO_HEADINGS),
                 _number("std_heading_rad", "its standard deviation, if front is not back", absent=NO_HEADINGS),
                 _number("flip_probability", "probability that the front is taken for the back", absent=NO_HEADINGS),
-                _number("correlation", "correlation of the noise of both places", absent="the sensor tells none"),
+                _number("correlation", "correlation of the noise of both places", absent="the sensor tells none",
+                        numbers=Numbers(1e-12 - 1.0, 1.0 - 1e-12)),
                 _number("score", "how sure the detector is, 0 to 1", absent="the detector gives none"),
                 _text("vehicle_class", "class that the detector takes it for", absent="the detector gives none",
                       words=VEHICLE_CLASSES),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -17,14 +16,13 @@ from mmpf.numerics.arrays import FloatArray
 
 def write_table(table: pd.DataFrame, path: Path) -> None:
     """Write a table as parquet; the same table gives the same bytes."""
-    columns = {name: _arrow_column(table[name].to_numpy()) for name in table}
-    with replacing(path) as temporary:
-        pq.write_table(pa.table(columns, metadata={VERSION_KEY: str(SCHEMA_VERSION)}), temporary, compression="zstd")
-
-
-def _arrow_column(values: npt.NDArray[np.generic]) -> pa.Array:
+    arrays = {name: table[name].to_numpy() for name in table}
     # An empty column of names would otherwise have no type.
-    return pa.array(values, type=pa.string() if values.dtype == object else None)
+    columns = {name: pa.array(each, pa.string() if each.dtype == object else None) for name, each in arrays.items()}
+    # Room that is kept under the temporary name is written over, never given back before.
+    with replacing(path) as temporary, temporary.open("r+b" if temporary.exists() else "wb") as file:
+        pq.write_table(pa.table(columns, metadata={VERSION_KEY: str(SCHEMA_VERSION)}), file, compression="zstd")
+        file.truncate()
 
 
 def floats(table: pd.DataFrame, column: str) -> FloatArray:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from harness.config.model import RunConfig
 from harness.running.follow import StageTimes, follow
 from harness.running.open import OpenSnapshots
-from harness.running.recorder import ColumnRecorder, RunTables
+from harness.running.recorder import ColumnRecorder
 from harness.running.snapshots import RandomStreams, SnapshotStream, observe_traffic
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
@@ -24,11 +25,11 @@ from mmpf.tracks import CONFIRMED, Tracks
 from tests.harness.closedloop.frames import frame_of
 
 
-def track(snapshots, build, seed, watchers=(), times=None) -> RunTables:
+def track(snapshots, build, seed, watchers=(), times=None) -> SimpleNamespace:
     """Follow snapshots to their end and return what a run of this root seed records."""
     recorder = ColumnRecorder()
     follow(snapshots, build, recorder, RandomStreams.from_seed(seed).tracker, watchers, times or StageTimes())
-    return recorder.tables()
+    return SimpleNamespace(**{name.removesuffix(".parquet"): table for name, table in recorder.tables().items()})
 
 
 @dataclass

@@ -59,11 +59,11 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
         bodies = perception.bodies(snapshot, tracks)
         assert bodies.doubtful.tolist() == [False, True, False]
         found.append(bodies.sure())
-    tables = recorder.tables()
-    rows = read_run(tables.truth, tables.detections, tables.tracks)
-    egos, _ = egos_of(tables.truth, rows)
-    whole = tracked_bodies(tables.detections, rows, egos, road)
-    kept = tables.tracks["existence"].to_numpy()[rows.tracks.table_row] >= DRIVER_EXISTENCE
+    truth, detections, told = recorder.tables().values()
+    rows = read_run(truth, detections, told)
+    egos, _ = egos_of(truth, rows)
+    whole = tracked_bodies(detections, rows, egos, road)
+    kept = told["existence"].to_numpy()[rows.tracks.table_row] >= DRIVER_EXISTENCE
     for name in ("lon_m", "lat_m", "speed_mps", "length_m", "width_m", "direction_rad"):
         expected = pd.Series(getattr(whole, name)[kept]).groupby(whole.step[kept]).apply(sorted)
         for step, bodies in enumerate(found):

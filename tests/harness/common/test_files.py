@@ -30,7 +30,7 @@ def full_disk(monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Path, "write_text", cut_short)
-    monkeypatch.setattr("pyarrow.parquet.write_table", lambda table, path, **options: Half().savefig(path))
+    monkeypatch.setattr("pyarrow.parquet.write_table", lambda table, file, **options: Half().savefig(Path(file.name)))
 
 
 WRITERS = {

@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.commands.app import EXIT_USER_ERROR, run_command_line
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError
+from harness.common.exit_codes import WRONG_INPUT
 from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
@@ -437,7 +438,7 @@ def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
 
 def test_a_film_that_cannot_be_written_is_refused_before_the_run(tmp_path, capsys):
     begun = tmp_path / "run"
-    assert run_command_line(["run", "--out", str(begun), "--video", str(tmp_path / "run.avi")]) == EXIT_USER_ERROR
+    assert run_command_line(["run", "--out", str(begun), "--video", str(tmp_path / "run.avi")]) == WRONG_INPUT
     assert "must end in .mp4" in capsys.readouterr().err
     assert not begun.exists()
 
@@ -495,6 +496,6 @@ def test_the_command_lists_the_files_and_refuses_what_it_does_not_know(folder, t
     files = json.loads(capsys.readouterr().out)["files"]
     assert any(file.endswith("gt.txt") for file in files)
     for wrong in (["--to", "kitti"], [], ["--video", str(tmp_path / "run.avi")]):
-        assert run_command_line(["export", str(folder), *wrong]) == EXIT_USER_ERROR
+        assert run_command_line(["export", str(folder), *wrong]) == WRONG_INPUT
         assert capsys.readouterr().err.count("\n") == 1
-    assert run_command_line(["export", str(tmp_path), "--to", "csv"]) == EXIT_USER_ERROR
+    assert run_command_line(["export", str(tmp_path), "--to", "csv"]) == WRONG_INPUT

@@ -5,10 +5,9 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pandas as pd
-import pytest
 
-from harness.commands.app import EXIT_USER_ERROR, run_command_line
-from harness.common.errors import InputError
+from harness.commands.app import run_command_line
+from harness.common.exit_codes import WRONG_INPUT
 from harness.report.folder_page import write_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import write_recorded_scene
@@ -64,14 +63,6 @@ def test_a_vehicles_name_cannot_break_the_page(tmp_path):
     )
 
 
-def test_a_run_that_did_not_end_has_no_page(tmp_path):
-    folder = write_recorded_scene(tmp_path / "run")
-    manifest = json.loads((folder / "manifest.json").read_text())
-    (folder / "manifest.json").write_text(json.dumps(manifest | {"status": "failed"}))
-    with pytest.raises(InputError, match="did not end"):
-        write_page(folder)
-
-
 def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
     folder = tmp_path / "grid"
     (folder / "figures").mkdir(parents=True)
@@ -119,7 +110,7 @@ def test_a_page_that_finds_no_room_leaves_the_earlier_one(tmp_path, capsys, monk
 def test_somebody_elses_page_is_left_alone(tmp_path, capsys):
     folder = write_recorded_scene(tmp_path / "run")
     (folder / "report.html").write_text("<p>mine</p>")
-    assert run_command_line(["report", str(folder)]) == EXIT_USER_ERROR
+    assert run_command_line(["report", str(folder)]) == WRONG_INPUT
     assert "was not made by this program" in capsys.readouterr().err
     assert (folder / "report.html").read_text() == "<p>mine</p>"
     (folder / "report.html").unlink()
@@ -128,6 +119,6 @@ def test_somebody_elses_page_is_left_alone(tmp_path, capsys):
 
 
 def test_a_folder_that_is_none_is_the_users_error(tmp_path, capsys):
-    assert run_command_line(["report", str(tmp_path / "nowhere")]) == EXIT_USER_ERROR
-    assert run_command_line(["report", str(tmp_path)]) == EXIT_USER_ERROR
+    assert run_command_line(["report", str(tmp_path / "nowhere")]) == WRONG_INPUT
+    assert run_command_line(["report", str(tmp_path)]) == WRONG_INPUT
     assert capsys.readouterr().err.count("\n") == 2

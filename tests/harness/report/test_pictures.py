@@ -4,7 +4,8 @@ from dataclasses import asdict
 import pandas as pd
 import pytest
 
-from harness.commands.app import EXIT_USER_ERROR, run_command_line
+from harness.commands.app import run_command_line
+from harness.common.exit_codes import WRONG_INPUT
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.folder_page import write_page
 from harness.report.pictures import write_pictures
@@ -42,9 +43,9 @@ def test_a_runs_errors_and_worst_moments_are_drawn_and_the_page_stays_as_it_was(
 
 def test_what_cannot_be_drawn_is_refused_in_a_line(grid, tmp_path_factory, capsys):
     (grid / "table.md").write_text("# T\n")
-    assert run_command_line(["report", str(grid), "--figures", "jpeg"]) == EXIT_USER_ERROR
+    assert run_command_line(["report", str(grid), "--figures", "jpeg"]) == WRONG_INPUT
     assert "choose one of png, svg, pdf" in capsys.readouterr().err
     study = tmp_path_factory.mktemp("study")
     (study / "results.md").write_text("# Study\n")
-    assert run_command_line(["report", str(study), "--figures", "svg"]) == EXIT_USER_ERROR
+    assert run_command_line(["report", str(study), "--figures", "svg"]) == WRONG_INPUT
     assert "only their figures can be drawn" in capsys.readouterr().err

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from harness.running.follow import StageTimes, follow
-from harness.running.recorder import ColumnRecorder, RunTables, detections_of
+from harness.running.recorder import ColumnRecorder, detections_of
 from harness.running.snapshots import RandomStreams, observe_traffic
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
@@ -14,7 +16,7 @@ from mmpf.scan import BodySizes
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, track
 
 
-def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker, profile: str = "lidar") -> RunTables:
+def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker, profile: str = "lidar") -> SimpleNamespace:
     return track(observe_traffic(traffic, build_sensor(sensor_settings(profile, {})), seed), build, seed)
 
 
@@ -115,7 +117,7 @@ def test_a_step_that_was_cut_short_is_left_out():
     recorder = ColumnRecorder()
     with pytest.raises(RuntimeError, match="broke"):
         follow(snapshots, EchoTracker, recorder, RandomStreams.from_seed(0).tracker, (), StageTimes())
-    recorder._truth.append(recorder._truth[-1])
-    tables = recorder.tables()
-    assert_array_equal(np.unique(tables.truth["step"]), np.arange(5))
-    assert len(tables.truth) == 5 * 18
+    recorder._columns["truth.parquet"].append(recorder._columns["truth.parquet"][-1])
+    truth = recorder.tables()["truth.parquet"]
+    assert_array_equal(np.unique(truth["step"]), np.arange(5))
+    assert len(truth) == 5 * 18

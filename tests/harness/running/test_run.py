@@ -7,16 +7,20 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
+from typing import NoReturn
 
 import pandas as pd
 import pytest
 
+from harness.commands.app import run_command_line
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.files import replacing
 from harness.config.model import RunConfig
 from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
+from harness.running.replay import read_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, FinishedRun, run
 from harness.running.snapshots import SnapshotStream
@@ -145,8 +149,7 @@ def test_an_interrupt_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_p
     folder = tmp_path / "run.incomplete"
     assert json.loads((folder / "manifest.json").read_text())["status"] == "interrupted"
     assert pd.read_parquet(folder / "tracks.parquet")["step"].max() == 4
-    with pytest.raises(InputError, match="did not end"):
-        resolve_run_config(options={"replay": str(folder)})
+    assert len(list(read_snapshots(folder, configured()))) == 5
 
 
 def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(steady_traffic, tmp_path, monkeypatch):
@@ -196,14 +199,34 @@ def test_a_resumed_run_refuses_traffic_whose_file_has_changed(tmp_path):
         run(configured(), out=out, open_snapshots=open_snapshots, resume=True)
 
 
-def test_a_run_that_breaks_while_it_is_drawn_does_not_look_finished(steady_traffic, tmp_path):
-    def broken(folder: Path) -> None:
-        raise OSError("no space left")
+def no_room(*_: object) -> NoReturn:
+    raise OSError(errno.ENOSPC, "No space left on device")
 
-    with pytest.raises(RunError, match="no space left"):
-        run_on(steady_traffic, configured(), tmp_path / "run", draw=Drawing(lambda *_: None, broken))
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
-    assert json.loads((tmp_path / "run.incomplete" / "manifest.json").read_text())["status"] == "failed"
+
+@pytest.mark.parametrize("broken", [0, 1])
+def test_a_run_whose_pictures_find_no_room_is_complete_and_says_how_to_draw_it(broken, steady_traffic, tmp_path):
+    draw = Drawing(*(no_room if place == broken else print for place in range(2)))
+    with pytest.raises(RunError, match=r"complete in .*run but not drawn \(No space.*python -m harness report .*run "):
+        run_on(steady_traffic, configured(), tmp_path / "run", draw=draw)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run"]
+    assert run_command_line(["report", str(tmp_path / "run")]) == 0
+
+
+@pytest.mark.parametrize("call", [17, 31, 48])
+def test_a_disk_that_fills_during_a_run_loses_no_finished_step(call, steady_traffic, tmp_path, monkeypatch, capsys):
+    calls = count(1)
+    # Room is kept at each step for the manifest and three tables.
+    monkeypatch.setattr("os.posix_fallocate", lambda *_: no_room() if next(calls) >= call else None)
+    steps, left, scored = -(-call // 4), str(tmp_path / "run.incomplete"), str(tmp_path / "scored")
+    with pytest.raises(RunError, match=f"after {steps} steps: No space.*; make room; .*score --truth {left}"):
+        run_on(steady_traffic, configured(), tmp_path / "run")
+    for name in TABLES[:3]:
+        assert pd.read_parquet(tmp_path / "run.incomplete" / name)["step"].nunique() == steps
+    assert run_command_line(["score", "--truth", left, "--tracks", left, "--out", scored, "--quiet"]) == 0
+    for command in (["report"], ["export", "--to", "csv"], ["compare", scored]):
+        assert run_command_line([command[0], scored, *command[1:]]) in (0, 4)
+        assert run_command_line([command[0], left, *command[1:]]) == 2
+    assert capsys.readouterr().err.count(f"score --truth {left} --tracks {left}") == 3
 
 
 def fail_on(name: str, monkeypatch) -> None:
@@ -220,25 +243,23 @@ def fail_on(name: str, monkeypatch) -> None:
         monkeypatch.setattr(f"{module}.replacing", until_full)
 
 
-@pytest.mark.parametrize("name", [runfolder.ERRORS, runfolder.METRICS, runfolder.MANIFEST])
-def test_a_full_disk_keeps_the_steps_that_there_was_room_for(name, steady_traffic, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "words", "kept"),
+    [
+        (runfolder.ERRORS, "after 12 steps: .*errors.parquet: No space left on device; make room; the finished", True),
+        (runfolder.METRICS, "after 12 steps: .*metrics.json: No space left on device; make room; the finished", True),
+        (runfolder.MANIFEST, r"the finished steps are in .*run\.incomplete, manifest\.json found no room", True),
+        (runfolder.CONFIG, "before its first step.*No space left on device", False),
+        (runfolder.TRACKS, "the finished steps could not be kept.*No space left on device", False),
+    ],
+)
+def test_a_full_disk_keeps_the_steps_that_there_is_room_for(name, words, kept, steady_traffic, tmp_path, monkeypatch):
     fail_on(name, monkeypatch)
-    told = {runfolder.MANIFEST: r"the finished steps are in .*run\.incomplete, manifest\.json found no room"}
-    otherwise = f"after 12 steps: .*{name}: No space left on device; the finished steps"
-    with pytest.raises(RunError, match=told.get(name, otherwise)):
+    with pytest.raises(RunError, match=words):
         run_on(steady_traffic, configured(), tmp_path / "run")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
-    assert pd.read_parquet(tmp_path / "run.incomplete" / "tracks.parquet")["step"].max() == 11
-    assert name != runfolder.MANIFEST or not (tmp_path / "run.incomplete" / runfolder.METRICS).exists()
-
-
-@pytest.mark.parametrize("name", [runfolder.CONFIG, runfolder.TRACKS])
-def test_a_full_disk_that_has_no_room_for_the_steps_leaves_nothing(name, steady_traffic, tmp_path, monkeypatch):
-    fail_on(name, monkeypatch)
-    words = "before its first step" if name == runfolder.CONFIG else "the finished steps could not be kept"
-    with pytest.raises(RunError, match=f"{words}.*No space left on device"):
-        run_on(steady_traffic, configured(), tmp_path / "run")
-    assert list(tmp_path.iterdir()) == []
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"] * kept
+    assert not kept or pd.read_parquet(tmp_path / "run.incomplete" / "tracks.parquet")["step"].max() == 11
+    assert not (tmp_path / "run.incomplete" / runfolder.METRICS).exists()
 
 
 def test_a_run_that_fails_leaves_the_one_that_it_was_to_replace(steady_traffic, tmp_path, capsys):

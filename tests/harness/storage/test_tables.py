@@ -17,7 +17,7 @@ SNAPSHOTS = list(observing(SteadyTraffic(steps=3, ego_stay=2))(RunConfig()))
 def recorded(snapshot: Snapshot):
     recorder = ColumnRecorder()
     recorder.add(snapshot, Tracks.none())
-    return recorder.tables().truth
+    return recorder.tables()["truth.parquet"]
 
 
 def assert_same(read: Frame, written: Frame):
@@ -48,7 +48,7 @@ def test_what_detections_say_of_noise_and_class_comes_back_and_old_tables_say_no
         scan = replace(snapshot.observation.scan, detections=detections)
         recorder = ColumnRecorder()
         recorder.add(replace(snapshot, observation=replace(snapshot.observation, scan=scan)), Tracks.none())
-        read = detections_of(recorder.tables().detections)
+        read = detections_of(recorder.tables()["detections.parquet"])
         assert (read.correlation is None) == (detections.correlation is None)
         np.testing.assert_array_equal(read.covariance_m2, detections.covariance_m2)
         np.testing.assert_array_equal(read.vehicle_class, detections.vehicle_class)
