@@ -120,14 +120,18 @@ def run(
         pending.discard()
         raise
     except (KeyboardInterrupt, Exception) as error:
-        if is_interrupt(error):
-            raise _interrupted(attempt, pending) from None
-        if isinstance(error, RunError | OSError | MemoryError) and not attempt.steps:
+        stopped = is_interrupt(error)
+        if not attempt.steps and (stopped or isinstance(error, RunError | OSError | MemoryError)):
             pending.discard()
+            if stopped:
+                raise RunInterruptedError("interrupted before the first step; nothing is kept") from None
             if isinstance(error, RunError):
                 raise
             raise RunError(f"the run failed before its first step: {in_words(error)}") from error
-        left = _leave(attempt, pending, runfolder.FAILED, traceback.format_exc())
+        status = runfolder.INTERRUPTED if stopped else runfolder.FAILED
+        left = _leave(attempt, pending, status, "interrupted by the user" if stopped else traceback.format_exc())
+        if stopped:
+            raise RunInterruptedError(f"interrupted after {attempt.steps} steps; {left}") from None
         if runfolder.MANIFEST not in left:
             left = left.replace("steps are", f"steps and the traceback ({runfolder.MANIFEST}) are")
         fix = "; make room" if isinstance(error, OSError | MemoryError) else ""
@@ -152,15 +156,6 @@ def is_interrupt(error: BaseException) -> bool:
             return True
         cause = cause.__cause__ or cause.__context__
     return False
-
-
-def _interrupted(attempt: _Attempt, pending: runfolder.PendingFolder) -> RunInterruptedError:
-    """Keep what was finished and return the error that says where."""
-    if not attempt.steps:
-        pending.discard()
-        return RunInterruptedError("interrupted before the first step; nothing is kept")
-    left = _leave(attempt, pending, runfolder.INTERRUPTED, "interrupted by the user")
-    return RunInterruptedError(f"interrupted after {attempt.steps} steps; {left}")
 
 
 def _leave(attempt: _Attempt, pending: runfolder.PendingFolder, status: str, problem: str) -> str:
