@@ -120,10 +120,13 @@ class Evaluation:
             stream: Parent of the trackers' streams; None takes that of the root seed.
         """
         stream = RandomStreams.from_seed(self.seed).tracker if stream is None else stream
-        watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()))
-        if (writer := self.writer) is not None:
-            watchers = (*watchers, lambda *_: writer.keep_room({runfolder.MANIFEST: 0, **self._recorder.size_bytes}))
+        self._keep_room()
+        watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()), self._keep_room)
         follow(self.snapshots, self.build, self._recorder, stream, watchers, self.times)
+
+    def _keep_room(self, *_: object) -> None:
+        if self.writer is not None:
+            self.writer.keep_room({**self._recorder.size_bytes, runfolder.MANIFEST: 0})
 
     def recorded(self) -> dict[str, pd.DataFrame]:
         """Return what is kept and not scored yet, by file."""

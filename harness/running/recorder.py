@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -38,7 +37,7 @@ class ColumnRecorder:
     """
 
     steps: int = 0
-    size_bytes: Counter[str] = field(default_factory=Counter)
+    size_bytes: dict[str, int] = field(default_factory=lambda: dict.fromkeys((TRUTH, DETECTIONS, TRACKS), 0))
     end_stretch: Callable[[], None] | None = None
     stretch_rows: int = STRETCH_ROWS
     _forgotten: int = 0
@@ -71,7 +70,7 @@ class ColumnRecorder:
     def forget(self) -> None:
         """Free what is stored."""
         self._forgotten, self._rows = self.steps, 0
-        self.size_bytes.clear()
+        self.size_bytes = dict.fromkeys(self.size_bytes, 0)
         for columns in self._columns.values():
             columns.clear()
 

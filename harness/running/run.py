@@ -127,7 +127,7 @@ def run(
                 raise RunInterruptedError("interrupted before the first step; nothing is kept") from None
             if isinstance(error, RunError):
                 raise
-            raise RunError(f"the run failed before its first step: {in_words(error)}") from error
+            raise RunError(f"the run failed before its first step: {in_words(error)}; make room") from error
         status = runfolder.INTERRUPTED if stopped else runfolder.FAILED
         left = _leave(attempt, pending, status, "interrupted by the user" if stopped else traceback.format_exc())
         if stopped:
