@@ -238,9 +238,9 @@ def run(*, quiet: bool = True, **options: Unpack[RunOptions]) -> Run:
         RunError: The run failed part-way; its finished steps lie in a folder that says so.
         RunInterruptedError: It was stopped; likewise.
     """
-    arguments = options, _call("run", options), quiet
     with _input_errors():
         config = _run_config(checked(RunOptions, options, "run"))
+    arguments = options, _call("run", options), quiet
     named = external_code(config, but_tracker=callable(options.get("tracker")))
     return Run(survived("harness.api:folder_of_run", arguments, named) if named else folder_of_run(*arguments))
 

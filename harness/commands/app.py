@@ -8,7 +8,6 @@ help: lines of at most 78 characters, examples indented by two under a line "Exa
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 import sys
@@ -26,13 +25,12 @@ from harness.commands.from_options import typer_command, with_values
 from harness.common import exit_codes
 from harness.common.error_text import in_words
 from harness.common.errors import InputError, RunError, RunInterruptedError
+from harness.common.files import NO_ROOM
 from harness.common.signals import code_of_end, ends_like_ctrl_c, told_to_end
 from mmpf.registry import Entry, Registry, UnknownNameError
 
 AS_TYPED = (InputError, UnknownNameError, RunError, RunInterruptedError)
 """Errors whose messages name parameters, as Python spells them."""
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM)
-"""What the system refuses through no fault of the command."""
 TRACEBACK = "HARNESS_TRACEBACK"
 LONGEST_LINE = 1200
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -12,8 +13,11 @@ from typing import Any
 
 import tomli_w
 
-from harness.common.errors import InputError
+from harness.common.error_text import in_words
+from harness.common.errors import InputError, RunError
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM)
+"""What the system refuses through no fault of the command."""
 TEMPORARY = ".partial"
 _TEMPORARY_NAME = re.compile(rf"\..+\.[0-9]+{re.escape(TEMPORARY)}")
 
@@ -37,6 +41,23 @@ def replacing(final: Path) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def writing(parameter: str, path: Path) -> Iterator[None]:
+    """Turn what the system refuses in the block into an error on one line.
+
+    Raises:
+        RunError: There is no room, through no fault of the input.
+        InputError: It may not be written there.
+    """
+    try:
+        yield
+    except OSError as error:
+        kind = RunError if error.errno in NO_ROOM else InputError
+        raise kind(
+            f"`{parameter}`: can't write {path}: {in_words(error)}; choose another place, or make room"
+        ) from None
 
 
 def temporary_of(final: Path) -> Path:

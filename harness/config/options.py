@@ -7,12 +7,12 @@ command line reads; the others are what Python may give as well.
 from __future__ import annotations
 
 import difflib
-import os
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from numbers import Integral, Real
-from pathlib import Path
+from pathlib import Path, PurePath
 from types import NoneType
 from typing import Annotated, Any, TypedDict, cast, get_args, get_origin, get_type_hints
 
@@ -248,7 +248,7 @@ def keys_of_options() -> dict[str, str]:
 
 _KINDS: dict[Any, tuple[Any, str]] = {
     str: (str, "a text"),
-    Path: (os.PathLike, "a path"),
+    Path: (PurePath, "a path"),
     float: (Real, "a number"),
     int: (Integral, "a whole number"),
     bool: (bool, "True or False"),
@@ -284,8 +284,8 @@ def checked(table: type, options: Mapping[str, object], call: str) -> dict[str, 
 
 
 def _checked_value(name: str, value: object, entry: Declared) -> object:
-    # Arrays and numbers of NumPy become lists and numbers of Python.
-    plain = value.tolist() if hasattr(value, "tolist") else value
+    # Arrays and numbers of NumPy become lists and numbers of Python, and whatever is a text a plain one.
+    plain = str.__str__(value) if isinstance(value, str) else value.tolist() if hasattr(value, "tolist") else value
     kinds = [_KINDS[get_origin(one) or one] for one in entry.types]
     if not any(_is_a(plain, kind) for kind, _ in kinds):
         words = " or ".join(dict.fromkeys(word for _, word in kinds))
@@ -296,11 +296,11 @@ def _checked_value(name: str, value: object, entry: Declared) -> object:
         raise InputError(f"`{name}` {plain} is out of range: give {bounds}")
     if isinstance(plain, str) and not plain.isprintable() and any(0xD800 <= ord(letter) < 0xE000 for letter in plain):
         raise InputError(f"`{name}`: {ascii(plain)[:60]} is not valid text; give it in UTF-8")
-    if Path in entry.types and isinstance(plain, str | os.PathLike):
+    if Path in entry.types and isinstance(plain, str | PurePath):
         checked_path(Path(plain), name)
     if entry.types[0] is Path:
-        return Path(cast("os.PathLike[str]", plain))
-    return os.fspath(plain) if isinstance(plain, os.PathLike) else plain
+        return Path(cast("PurePath", plain))
+    return str(plain) if isinstance(plain, PurePath) else plain
 
 
 def _is_a(value: object, kind: Any) -> bool:  # noqa: ANN401  a class or several
@@ -310,8 +310,7 @@ def _is_a(value: object, kind: Any) -> bool:  # noqa: ANN401  a class or several
 
 
 def _short(value: object) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return " ".join(reprlib.repr(value).split())
 
 
 def setting_words(settings: Sequence[str] | Mapping[str, object] | None, parameter: str = "settings") -> list[str]:
@@ -344,6 +343,6 @@ def setting_of(key: str, value: object) -> list[str]:
 def _as_toml(key: str, value: object, parameter: str) -> str:
     plain = value.tolist() if hasattr(value, "tolist") else value
     try:
-        return tomli_w.dumps({"value": os.fspath(plain) if isinstance(plain, os.PathLike) else plain})[8:].strip()
+        return tomli_w.dumps({"value": str(plain) if isinstance(plain, PurePath) else plain})[8:].strip()
     except TypeError:
         raise InputError(f"`{parameter}`: {key} can't be set to {_short(value)}; give a number, text or list") from None

@@ -15,6 +15,7 @@ from typing import Any, cast
 
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
+from harness.common.files import writing
 from harness.export.packing import check_replaceable_file, pack, pending_of
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
@@ -73,6 +74,7 @@ def export_run(
         InputError: There is no such format, the package's part for it is not installed, the folder is no finished
             run's, or ``out`` exists, is no export, holds somebody's files or can't be written; or a format of another
             package fails.
+        RunError: There is no room.
     """
     exporter = _exporter(name)
     if packed and name not in PACKED:
@@ -86,29 +88,26 @@ def export_run(
         ownership.check_replaceable(target, ownership.EXPORT, "out")
     with sound_tables(folder, "folder"):
         results = folder if name in OF_FOLDERS else read_recorded_run(folder)
-    try:
+    with writing("out", target):
         target.parent.mkdir(parents=True, exist_ok=True)
         lock = lock_beside(target, "out")
-    except OSError as error:
-        raise InputError(f"`out`: can't write in {target.parent}: {error.strerror}; choose another folder") from None
     # Within the lock nobody else writes here; what a killed export left goes.
     pending = pending_of(target)
     try:
-        if ownership.kind_of(pending) == ownership.EXPORT:
-            shutil.rmtree(pending)
-        pending.mkdir(exist_ok=not pending.is_symlink() and pending.is_dir() and not any(pending.iterdir()))
-        ownership.claim(pending, ownership.EXPORT)
-        with sound_tables(folder, "folder"):
-            files = exporter(results, pending)
-        files = pack(files) if packed else files
-        ownership.record_all(pending, ownership.EXPORT)
-        if target.exists():
-            tell(f"replaced {ownership.described(target)}")
-            ownership.check_replaceable(target, ownership.EXPORT, "out")
-            ownership.remove(target)
-        pending.rename(target)
-    except OSError as error:
-        raise InputError(f"`out`: can't write {target}: {error.strerror or error}; choose another folder") from None
+        with writing("out", target):
+            if ownership.kind_of(pending) == ownership.EXPORT:
+                shutil.rmtree(pending)
+            pending.mkdir(exist_ok=not pending.is_symlink() and pending.is_dir() and not any(pending.iterdir()))
+            ownership.claim(pending, ownership.EXPORT)
+            with sound_tables(folder, "folder"):
+                files = exporter(results, pending)
+            files = pack(files) if packed else files
+            ownership.record_all(pending, ownership.EXPORT)
+            if target.exists():
+                tell(f"replaced {ownership.described(target)}")
+                ownership.check_replaceable(target, ownership.EXPORT, "out")
+                ownership.remove(target)
+            pending.rename(target)
     finally:
         if ownership.kind_of(pending) == ownership.EXPORT:
             shutil.rmtree(pending, ignore_errors=True)
@@ -121,7 +120,7 @@ def _export_to_file(folder: Path, exporter: Exporter, out: Path, force: bool) ->
     targets = (out, types_file(out))
     for target, element in zip(targets, ("fcd-export", "additional"), strict=True):
         check_replaceable_file(target, element, force)
-    try:
+    with writing("out", out):
         out.parent.mkdir(parents=True, exist_ok=True)
         with (
             sound_tables(folder, "folder"),
@@ -130,8 +129,6 @@ def _export_to_file(folder: Path, exporter: Exporter, out: Path, force: bool) ->
             main, types = exporter(read_recorded_run(folder), Path(pending))
             for file, target in zip((*(pack([main]) if out.suffix == ".gz" else [main]), types), targets, strict=True):
                 file.replace(target)
-    except OSError as error:
-        raise InputError(f"`out`: can't write {out}: {error.strerror or error}; choose another file") from None
     return list(targets)
 
 
@@ -148,30 +145,24 @@ def _exporter(name: str) -> Exporter:
     def checked(run: RecordedRun, folder: Path) -> list[Path]:
         try:
             files = export(run, folder)
+            fault = _fault_of(files, folder)
         except InputError:
             raise
         except Exception as error:
-            problem = what_it_raised(error)
-            raise InputError(
-                f"`to` {name}: exporting {run.folder} failed ({problem}); fix the format's function"
-            ) from error
-        if not isinstance(files, list | tuple) or not all(isinstance(file, Path) for file in files):
-            raise InputError(
-                f"`to` {name}: it returned {_kind(files)}, not the list of written paths; fix the format's function"
-            )
-        for file in files:
-            if not file.resolve().is_relative_to(folder.resolve()) or not file.is_file():
-                raise InputError(
-                    f"`to` {name}: it returned {file}, which is not a file in the given folder; fix the "
-                    f"format's function"
-                )
-        if not files:
-            raise InputError(f"`to` {name}: it returned no file; fix the format's function")
-        return list(files)
+            fault = f"exporting {run.folder} failed ({what_it_raised(error)})"
+            raise InputError(f"`to` {name}: {fault}; fix the format's function") from error
+        if fault:
+            raise InputError(f"`to` {name}: it returned {fault}; fix the format's function")
+        return list(cast("list[Path]", files))
 
     return checked
 
 
-def _kind(files: object) -> str:
-    inside = next((item for item in files if not isinstance(item, Path)), None) if isinstance(files, list) else None
-    return f"a list with {type(inside).__name__}" if inside is not None else type(files).__name__
+def _fault_of(files: object, folder: Path) -> str:
+    """Return what is wrong with what an exporter returned; empty if nothing is."""
+    if not isinstance(files, list | tuple):
+        return f"{type(files).__name__}, not the list of written paths"
+    if odd := [type(file).__name__ for file in files if not isinstance(file, Path)]:
+        return f"a list with {odd[0]}, not the list of written paths"
+    strange = [file for file in files if not (file.is_file() and file.resolve().is_relative_to(folder.resolve()))]
+    return f"{strange[0]}, which is not a file in the given folder" if strange else "" if files else "no file"

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
-from harness.common.files import is_temporary
+from harness.common.files import is_temporary, writing
 from harness.storage import ownership
 from harness.storage.lock import LOCK, lock_within
 
@@ -27,23 +27,22 @@ def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> I
     if out.exists() and not resume:
         raise InputError(f"`out`: {out} exists; add `resume` to go on with it, or choose another folder")
     rows = out / ROWS
-    try:
-        _check_is_grid(out, kind)
-        out.mkdir(parents=True, exist_ok=True)
-        lock = lock_within(out, "out")
-    except OSError as error:
-        # Only an empty one goes.
-        with suppress(OSError):
-            out.rmdir()
-        raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
-    try:
+    with writing("out", out):
         try:
+            _check_is_grid(out, kind)
+            out.mkdir(parents=True, exist_ok=True)
+            lock = lock_within(out, "out")
+        except OSError:
+            # Only an empty one goes.
+            with suppress(OSError):
+                out.rmdir()
+            raise
+    try:
+        with writing("out", out):
             if ownership.kind_of(out) is None:
                 ownership.claim(out, kind)
             rows.mkdir(exist_ok=True)
             _clean(out, rows, kind)
-        except OSError as error:
-            raise InputError(f"`out`: can't write in {out}: {error.strerror}; choose another folder") from None
         yield rows
     finally:
         lock.release()

@@ -19,8 +19,8 @@ import numpy as np
 import pandas as pd
 
 from harness.common.bounds import PLACE_M, Numbers, check_columns
-from harness.common.errors import InputError
-from harness.common.files import write_text
+from harness.common.errors import InputError, RunError
+from harness.common.files import write_text, writing
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file, read_json, read_text
 from harness.storage import ownership
@@ -115,24 +115,23 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
         InputError: The folder exists and may not be replaced, can't be written, or another process is writing it.
     """
     final = _first_free(DEFAULT_PARENT / default_name) if out is None else out if out.name else out.resolve()
-    try:
+    with writing("out", final):
         _check_free(final, force)
         final.parent.mkdir(parents=True, exist_ok=True)
         lock = lock_beside(final, "out") if out is not None else None
-    except OSError as error:
-        raise _not_writable(final, error) from None
     pending = final.with_name(f".{final.name}.running-{os.getpid()}@{platform.node()}")
     try:
         # Whoever held the lock a moment ago may have finished.
         _check_free(final, force)
-        pending.mkdir()
-        ownership.claim(pending, ownership.RUN)
-    except (OSError, InputError) as error:
+        with writing("out", final):
+            pending.mkdir()
+            ownership.claim(pending, ownership.RUN)
+    except (InputError, RunError):
         with suppress(OSError):
             pending.rmdir()
         if lock is not None:
             lock.release()
-        raise error if isinstance(error, InputError) else _not_writable(final, error) from None
+        raise
     _remove_leftovers(final.parent)
     return PendingFolder(path=pending, final=final, force=force, lock=lock)
 
@@ -142,10 +141,6 @@ def _check_free(final: Path, force: bool) -> None:
         if not force:
             raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
         ownership.check_replaceable(final, ownership.RUN, "out")
-
-
-def _not_writable(final: Path, error: OSError) -> InputError:
-    return InputError(f"`out`: can't write in {final.parent}: {error.strerror}; choose another folder")
 
 
 def _is_replaceable(folder: Path) -> bool:

@@ -17,7 +17,7 @@ from harness.analysis.gate_text import as_junit, as_summary
 from harness.analysis.sources import Source, open_source
 from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import DONE, UNDECIDED, WORSE
-from harness.common.files import write_text
+from harness.common.files import write_text, writing
 from harness.config.lists import names
 from harness.lab.suite import BASELINE, keep_as_baseline, run_suite
 
@@ -75,10 +75,8 @@ def _check_free(path: Path | None, parameter: str) -> None:
 
 
 def _write(path: Path, text: str, parameter: str) -> None:
-    try:
+    with writing(parameter, path):
         write_text(path, f"{text.rstrip()}\n{MARK}\n")
-    except OSError as error:
-        raise InputError(f"`{parameter}`: can't write {path}: {error.strerror}; choose another file") from None
 
 
 def _sides(options: Mapping[str, Any]) -> tuple[Source, Source] | None:

@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 
 from harness.commands.app import run_command_line
-from harness.common.errors import InputError
+from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import WRONG_INPUT
 from harness.export.curves import curves_of
 from harness.export.formats import export_run
@@ -485,7 +485,7 @@ def test_an_export_that_finds_no_room_leaves_the_earlier_one(folder, monkeypatch
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("harness.export.csv_tables.csv.write_csv", full)
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(RunError, match="No space left"):
         export_run(folder, "csv")
     assert files[0].read_bytes() == before
     assert [path.name for path in (folder / "export").iterdir()] == ["csv"]

