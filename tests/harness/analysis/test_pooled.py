@@ -11,7 +11,6 @@ import pytest
 from harness.analysis.pooled import pool_files
 from harness.analysis.pooled_tables import pooled_markdown
 from harness.commands.app import run_command_line
-from harness.grid.coasting import against_coasting
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_snapshots
@@ -92,35 +91,6 @@ def test_every_file_and_vehicle_is_counted():
     text = pooled_markdown(pool_files(pd.DataFrame([row("a.xml"), row("b.xml")])), [])
     assert "| a.xml | 30 | 28 | 2 | 3 | 1 |" in text
     assert "| all | 60 | 56 | 4 | 6 | 2 |" in text
-
-
-def errors(*rows) -> pd.DataFrame:
-    """Rows of vehicle, seconds hidden, longitudinal error, outcome; hidden where the seconds are above 0."""
-    return pd.DataFrame(
-        [
-            {
-                "episode": 0, "step": 0, "vehicle_id": vehicle, "state": "hidden" if seconds else "visible",
-                "seconds_hidden": seconds, "lon_error_m": error, "lat_error_m": 0.0, "speed_error_mps": 0.0,
-                "lat_speed_error_mps": 0.0, "outcome": outcome,
-            }
-            for vehicle, seconds, error, outcome in rows
-        ]
-    )  # fmt: skip
-
-
-def test_only_hidden_vehicles_that_both_follow_are_compared():
-    own = errors(
-        ("a", 0.5, -1.0, "tracked"), ("b", 2.5, 3.0, "tracked"), ("c", 2.5, 9.0, "lost"), ("d", 0.0, 9.0, "tracked")
-    )
-    coasting = errors(
-        *((name, seconds, 2.0, "tracked") for name, seconds in zip("abcd", (0.5, 2.5, 2.5, 0.0), strict=True))
-    )
-    told = against_coasting(own, coasting)
-    assert told["hidden"] == {"lon_m": 2.0, "coasting_lon_m": 2.0, "n": 2}
-    by_time = {(each["from_s"], each["to_s"]): each["lon_m"] for each in told["by_seconds_hidden"]}
-    assert by_time[0.0, 1.0] == 1.0
-    assert by_time[1.0, 2.0] is None
-    assert by_time[2.0, 3.0] == 3.0
 
 
 @pytest.fixture

@@ -88,9 +88,7 @@ def test_the_leader_is_who_is_right_ahead_near_and_in_plain_view():
     assert in_view([0.0, 25.0, 50.0], [1.8, 1.8, 1.8]) == "v1"
     assert in_view([0.0, 60.0], [1.8, 1.8]) == ""
     assert in_view([0.0, 25.0], [1.8, 5.5]) == ""
-
-
-def test_a_leader_that_one_in_the_lane_beside_hides_in_part_is_in_no_plain_view():
+    # Where one in the lane beside hides it in part it is in no plain view.
     assert in_view([0.0, 40.0, 27.0], [1.8, 3.6, 4.7], width_m=np.array([1.8, 1.8, 2.5])) == ""
     assert in_view([0.0, 40.0, 27.0], [1.8, 3.6, 5.7], width_m=np.array([1.8, 1.8, 2.5])) == "v1"
 

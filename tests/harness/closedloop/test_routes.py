@@ -40,12 +40,9 @@ def names(graph, route):
     return [graph.name[lane] for lane in route.lanes]
 
 
-def test_the_way_goes_where_the_route_does():
+def test_the_way_goes_where_the_route_does_to_a_signal_or_where_no_lane_leads_on():
     assert names(GRAPH, route_of(GRAPH, 0, ["in", "on", "last"])) == ["in_0", ":j_0", "on_0", "last_0"]
     assert names(GRAPH, route_of(GRAPH, 0, ["in", "up"])) == ["in_0", ":j_1", "up_0"]
-
-
-def test_it_ends_before_a_signal_and_where_no_lane_leads_on():
     graph = held_at(0)
     assert names(graph, route_of(graph, 0, ["in", "on", "last"])) == ["in_0"]
     assert names(GRAPH, route_of(GRAPH, 0, ["in", "elsewhere"])) == ["in_0"]

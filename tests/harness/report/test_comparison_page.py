@@ -33,17 +33,12 @@ def steps_of(marks, kind, side):
     return chosen["step"].tolist()
 
 
-def test_a_vehicle_that_one_follows_and_the_other_does_not_is_marked_with_the_other(runs):
+def test_whom_one_alone_follows_and_who_is_farther_off_by_more_than_a_metre_is_marked_with_the_other(runs):
     marks = differences(*runs, ((), ()))
     assert steps_of(marks, UNFOLLOWED, 0) == list(range(GIVEN_UP, NEW_TRACK))
-    assert steps_of(marks, UNFOLLOWED, 1) == []
-
-
-def test_an_error_larger_by_more_than_a_metre_is_marked_and_a_smaller_one_is_not(runs):
     # Unseen it is 3 m off against 1 m; in sight 0.1 m against 1 m, which is no difference.
-    marks = differences(*runs, ((), ()))
     assert steps_of(marks, FARTHER, 0) == list(range(LAST_SEEN + 1, GIVEN_UP))
-    assert steps_of(marks, FARTHER, 1) == []
+    assert steps_of(marks, UNFOLLOWED, 1) == steps_of(marks, FARTHER, 1) == []
 
 
 def test_an_identity_switch_of_one_is_marked_for_a_second_and_one_of_both_is_not(runs):

@@ -79,12 +79,24 @@ def test_only_the_oracle_is_told_the_association():
     assert not isinstance(build_tracker("stonesoup-jpda", setting(), {}), TruthAssociatedTracker)
 
 
-def test_an_unknown_name_is_answered_with_the_known_ones():
-    with pytest.raises(
-        InputError,
-        match=r"`tracker` kalmann: unknown; choose one of box-kalman, detections, immortal-kalman, lmb, mmpf, ",
-    ):
-        build_tracker("kalmann", setting(), {})
+@pytest.mark.parametrize(
+    ("name", "options", "told"),
+    [
+        (
+            "kalmann",
+            {},
+            "`tracker` kalmann: unknown; choose one of box-kalman, detections, immortal-kalman, lmb, mmpf, ",
+        ),
+        ("mmpf", {"joint": {"gate_std": 4.0}}, r"'joint.gate_std' of mmpf.*did you mean joint\.association\.gate_std"),
+        ("oracle-kalman", {"lon_nois": 1.0}, r"'lon_nois' of oracle-kalman.*did you mean lon_noise"),
+        ("oracle-kalman", {"zzz": 1.0}, r"'zzz' of oracle-kalman.*known are lon_noise, lat_noise"),
+        ("no_such_package.module:make", {}, "no_such_package.module:make"),
+        ("harness.trackers.oracle:no_such_factory", {}, "harness.trackers.oracle:no_such_factory"),
+    ],
+)
+def test_a_name_or_option_that_there_is_not_is_answered_with_those_that_there_are(name, options, told):
+    with pytest.raises(InputError, match=told):
+        build_tracker(name, setting(), options)
 
 
 def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.MonkeyPatch):
@@ -92,21 +104,6 @@ def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.M
     monkeypatch.setitem(sys.modules, "stonesoup.dataassociator.neighbour", None)
     with pytest.raises(InputError, match=r"pip install '\.\[baselines\]'"):
         build_tracker("stonesoup-gnn", setting(), {})
-
-
-def test_an_option_that_does_not_exist_is_answered_with_those_of_like_name():
-    with pytest.raises(InputError, match=r"'joint.gate_std' of mmpf.*did you mean joint\.association\.gate_std"):
-        build_tracker("mmpf", setting(), {"joint": {"gate_std": 4.0}})
-    with pytest.raises(InputError, match=r"'lon_nois' of oracle-kalman.*did you mean lon_noise"):
-        build_tracker("oracle-kalman", setting(), {"lon_nois": 1.0})
-    with pytest.raises(InputError, match=r"'zzz' of oracle-kalman.*known are lon_noise, lat_noise"):
-        build_tracker("oracle-kalman", setting(), {"zzz": 1.0})
-
-
-@pytest.mark.parametrize("path", ["no_such_package.module:make", "harness.trackers.oracle:no_such_factory"])
-def test_a_dotted_path_that_leads_nowhere_is_refused(path: str):
-    with pytest.raises(InputError, match=path):
-        build_tracker(path, setting(), {})
 
 
 def test_a_dotted_path_builds_ones_own_tracker():

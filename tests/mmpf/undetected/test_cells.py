@@ -93,25 +93,20 @@ def test_without_a_map_there_are_no_cells():
     assert len(cells) == len(links.source) == 0
 
 
-def test_each_cell_knows_how_far_it_is_to_the_next_stop_line():
-    lines = {"far": [(0.0, 0.0), (60.0, 0.0)], "near": [(60.0, 0.0), (90.0, 0.0)], "on": [(90.0, 0.0), (120.0, 0.0)]}
-    graph = graph_of(lines, links=[("far", "near"), ("near", "on")])
+@pytest.mark.parametrize(
+    ("ends_m", "in_junction", "queues_to_m"), [((60.0, 90.0, 120.0), (), 90.0), ((30.0, 50.0, 80.0), ("second",), 30.0)]
+)
+def test_each_cell_knows_how_far_it_is_to_the_next_stop_line_but_within_a_junction(ends_m, in_junction, queues_to_m):
+    names = ("first", "second", "third")
+    starts_m = dict(zip(names, (0.0, *ends_m), strict=False))
+    lines = {name: [(starts_m[name], 0.0), (end, 0.0)] for name, end in zip(names, ends_m, strict=True)}
+    graph = graph_of(lines, links=[("first", "second"), ("second", "third")], in_junction=in_junction)
     nobody = np.zeros(0, dtype=np.int64)
     control = LinkControl(np.array([FREE, YIELD]), np.full(2, NO_SIGNAL), (), nobody, np.zeros(3, dtype=np.int64))
     cells, _ = cells_of(LaneGraphRoad(graph=replace(graph, control=control)))
-    before = cells.lon_m < 90.0
-    np.testing.assert_allclose(cells.before_stop_m[before], 90.0 - cells.lon_m[before])
+    before = cells.lon_m < queues_to_m
+    np.testing.assert_allclose(cells.before_stop_m[before], ends_m[1] - cells.lon_m[before])
     assert np.isinf(cells.before_stop_m[~before]).all()
-
-
-def test_nobody_queues_within_a_junction_though_a_stop_line_follows_it():
-    lines = {"to": [(0.0, 0.0), (30.0, 0.0)], "across": [(30.0, 0.0), (50.0, 0.0)], "on": [(50.0, 0.0), (80.0, 0.0)]}
-    graph = graph_of(lines, links=[("to", "across"), ("across", "on")], in_junction=("across",))
-    nobody = np.zeros(0, dtype=np.int64)
-    control = LinkControl(np.array([FREE, YIELD]), np.full(2, NO_SIGNAL), (), nobody, np.zeros(3, dtype=np.int64))
-    cells, _ = cells_of(LaneGraphRoad(graph=replace(graph, control=control)))
-    assert np.isfinite(cells.before_stop_m[cells.lon_m < 30.0]).all()
-    assert np.isinf(cells.before_stop_m[cells.lon_m > 30.0]).all()
 
 
 def test_on_a_road_in_strips_no_stop_line_is_known():

@@ -24,25 +24,32 @@ def samples_of(frames):
     return sampler.samples()
 
 
-def test_headways_are_between_followers_on_one_lane():
-    rows = [("a", 100.0, 10.0, 1, 0.0), ("b", 130.0, 12.0, 1, 0.0), ("c", 110.0, 9.0, 2, 0.0)]
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        (
+            [("a", 100.0, 10.0, 1, 0.0), ("b", 130.0, 12.0, 1, 0.0), ("c", 110.0, 9.0, 2, 0.0)],
+            {"space_headway": [30.0], "time_headway": [3.0]},
+        ),
+        (
+            [("a", 100.0, 0.5, 1, 0.0), ("b", 108.0, 0.5, 1, 0.0)],
+            {"space_headway": [8.0], "time_headway": []},
+        ),
+        (
+            [
+                ("a", 5.0, 10.0, 1, 0.0),
+                ("b", 995.0, 10.0, 1, 0.0),
+                ("c", 500.0, 10.0, 0, 0.0),
+                ("d", 500.0, 7.0, 3, 0.0),
+            ],
+            {"speed": [7.0], "vehicle_length": [4.5]},
+        ),
+    ],
+    ids=["followers on one lane", "standing followers have no time headway", "near the ends and off the lanes"],
+)
+def test_headways_speeds_and_lengths_are_of_vehicles_on_lanes_within_the_window(rows, told):
     values = samples_of([frame(0, rows)]).values
-    assert values["space_headway"].tolist() == [30.0]
-    assert values["time_headway"].tolist() == [3.0]
-
-
-def test_standing_followers_have_no_time_headway():
-    rows = [("a", 100.0, 0.5, 1, 0.0), ("b", 108.0, 0.5, 1, 0.0)]
-    values = samples_of([frame(0, rows)]).values
-    assert len(values["space_headway"]) == 1
-    assert len(values["time_headway"]) == 0
-
-
-def test_vehicles_near_the_ends_and_off_the_lanes_do_not_count():
-    rows = [("a", 5.0, 10.0, 1, 0.0), ("b", 995.0, 10.0, 1, 0.0), ("c", 500.0, 10.0, 0, 0.0), ("d", 500.0, 7.0, 3, 0.0)]
-    values = samples_of([frame(0, rows)]).values
-    assert values["speed"].tolist() == [7.0]
-    assert values["vehicle_length"].tolist() == [4.5]
+    assert {name: values[name].tolist() for name in told} == told
 
 
 def change(towards, steps=60, begin=20, end=50, switch=35):

@@ -36,13 +36,8 @@ def test_one_beside_the_stretch_does_not(lon):
     assert scored(Scene(60).vehicle("a", lon=lon, detected=False), stretches(0.5))["counted"] == 0.0
 
 
-def test_one_that_a_track_follows_is_known():
-    scene = Scene(60).vehicle("a", lon=110.0, detected=STEPS < 10).track(7, lon=110.0)
-    assert scored(scene, stretches(0.5))["counted"] == 0.0
-
-
-def test_one_whose_own_track_is_displaced_is_not_unknown():
-    lon = np.where(STEPS < 10, 110.0, 140.0)
+@pytest.mark.parametrize("lon", [110.0, np.where(STEPS < 10, 110.0, 140.0)], ids=["followed", "displaced"])
+def test_one_that_has_a_track_of_its_own_is_known(lon):
     scene = Scene(60).vehicle("a", lon=110.0, detected=STEPS < 10).track(7, lon=lon)
     assert scored(scene, stretches(0.5))["counted"] == 0.0
 

@@ -56,14 +56,10 @@ def test_a_track_that_dies_in_the_dark_is_lost_even_if_a_new_one_takes_over_at_o
     assert np.isnan(event["reacquire_s"])
 
 
-def test_a_track_that_ends_on_another_vehicle_is_hijacked():
+def test_a_track_that_ends_on_another_vehicle_is_hijacked_and_one_on_nothing_has_survived():
     scene = occluded().vehicle("b", lon=60.0, detected=True).track(7, lon=np.where(STEPS < 40, 20.0, 60.0))
     assert outcome_of(scene)["outcome"] == "hijacked"
-
-
-def test_a_track_that_is_alive_on_nothing_has_survived_without_its_vehicle():
-    event = outcome_of(occluded().track(7, lon=np.where(STEPS < 40, 20.0, 90.0)))
-    assert event["outcome"] == "survived"
+    assert outcome_of(occluded().track(7, lon=np.where(STEPS < 40, 20.0, 90.0)))["outcome"] == "survived"
 
 
 def test_a_vehicle_without_a_track_at_the_onset_counts_as_lost_and_untracked():

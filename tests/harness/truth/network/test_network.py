@@ -58,43 +58,35 @@ def test_an_unknown_network_is_answered_with_the_known_ones():
         load_network("atlantis")
 
 
-def test_a_missing_configuration_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none\.sumocfg"):
-        load_network(str(tmp_path / "none.sumocfg"))
-
-
-def test_an_empty_folder_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"network\.toml"):
-        load_network(str(tmp_path))
+BY_NET = '<configuration><input><net-file value="bad.net.xml"/></input></configuration>'
 
 
 @pytest.mark.parametrize(
-    "net",
-    ["", "<net>", "no xml", "<net></net>", "<net><edge id='a'><lane/></edge></net>", "<routes/>"],
+    ("files", "asked", "named"),
+    [
+        ({}, "none.sumocfg", r"none\.sumocfg"),
+        ({}, "", r"network\.toml"),
+        *(
+            ({"bad.sumocfg": BY_NET, "bad.net.xml": net}, "", r"bad\.net\.xml")
+            for net in ("", "<net>", "no xml", "<net></net>", "<net><edge id='a'><lane/></edge></net>", "<routes/>")
+        ),
+        *(
+            ({"bad.sumocfg": content}, "bad.sumocfg", "")
+            for content in (
+                "",
+                "<configuration/>",
+                "<configuration",
+                '<configuration><net-file value="x"/></configuration>',
+            )
+        ),
+        *(({"network.toml": content}, "", r"network\.toml") for content in ("[", "description = 1", "unknown = true")),
+    ],
 )
-def test_a_malformed_net_file_is_one_clear_line(tmp_path, net):
-    (tmp_path / "bad.net.xml").write_text(net)
-    (tmp_path / "bad.sumocfg").write_text(
-        '<configuration><input><net-file value="bad.net.xml"/></input></configuration>'
-    )
-    with pytest.raises(InputError, match=r"bad\.net\.xml"):
-        load_network(str(tmp_path))
-
-
-@pytest.mark.parametrize(
-    "content", ["", "<configuration/>", "<configuration", '<configuration><net-file value="x"/></configuration>']
-)
-def test_a_malformed_configuration_is_one_clear_line(tmp_path, content):
-    (tmp_path / "bad.sumocfg").write_text(content)
-    with pytest.raises(InputError):
-        load_network(str(tmp_path / "bad.sumocfg"))
-
-
-def test_broken_metadata_is_one_clear_line(tmp_path):
-    for content in ("[", "description = 1", "unknown = true"):
-        (tmp_path / "network.toml").write_text(content)
-        with pytest.raises(InputError, match=r"network\.toml"):
-            load_network(str(tmp_path))
+def test_what_is_missing_or_malformed_of_a_network_is_named(files, asked, named, tmp_path):
+    for name, content in files.items():
+        (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=named):
+        load_network(str(tmp_path / asked))
 
 
 def test_off_the_lanes_there_is_no_lane(us101):

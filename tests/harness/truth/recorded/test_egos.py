@@ -52,14 +52,13 @@ def test_a_named_vehicle_carries_the_sensor_for_as_long_as_it_is_on_record(tmp_p
     assert {str(frame.vehicle_id[frame.ego]) for frame in frames} == {"4"}
 
 
-def test_a_vehicle_that_is_not_on_record_is_refused_with_those_that_are(tmp_path):
-    with pytest.raises(InputError, match=r"`ego` 9: .* 1, 2, 3, 4"):
-        truth_of(tmp_path, "9")
-
-
-def test_each_without_a_vehicle_that_stays_long_enough_is_refused(tmp_path):
-    with pytest.raises(InputError, match="`ego` each"):
-        truth_of(tmp_path, "each", cars=(Car(1, 30.0, 9.0, 10.0, to_s=2.0),))
+@pytest.mark.parametrize(
+    ("ego", "cars", "told"),
+    [("9", {}, r"`ego` 9: .* 1, 2, 3, 4"), ("each", {"cars": (Car(1, 30.0, 9.0, 10.0, to_s=2.0),)}, "`ego` each")],
+)
+def test_an_ego_that_is_not_on_record_or_not_for_long_enough_is_refused(ego, cars, told, tmp_path):
+    with pytest.raises(InputError, match=told):
+        truth_of(tmp_path, ego, **cars)
 
 
 def test_the_window_ends_where_vehicles_usually_vanish_and_not_where_one_strays():

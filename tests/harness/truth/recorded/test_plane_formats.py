@@ -222,21 +222,32 @@ def changed(scene: dict[str, Any], *keys: str, to: object) -> dict[str, Any]:
     return scene
 
 
+SCENES = {
+    "scenarionet": (scene_of_scenarionet, write_scenarionet, "scene.pkl"),
+    "gpudrive": (scene_of_gpudrive, write_gpudrive, "scene.json"),
+}
+
+
 @pytest.mark.parametrize(
-    ("keys", "to", "said"),
+    ("form", "keys", "to", "said"),
     [
-        (("tracks",), {}, "no vehicle"),
-        (("tracks",), 5, "no scene of ScenarioNet"),
-        (("metadata", "ts"), np.zeros(3), "times"),
-        (("tracks", "7", "state", "heading"), np.full(STEPS, np.nan), "not finite"),
-        (("tracks", "7", "state", "position"), np.full((STEPS, 3), 1e9), "is believed"),
-        (("map_features", "left", "polyline"), [(0.0, 0.0), (np.inf, 0.0)], "lane left"),
+        ("scenarionet", ("tracks",), {}, "no vehicle"),
+        ("scenarionet", ("tracks",), 5, "no scene of ScenarioNet"),
+        ("scenarionet", ("metadata", "ts"), np.zeros(3), "times"),
+        ("scenarionet", ("tracks", "7", "state", "heading"), np.full(STEPS, np.nan), "not finite"),
+        ("scenarionet", ("tracks", "7", "state", "position"), np.full((STEPS, 3), 1e9), "is believed"),
+        ("scenarionet", ("map_features", "left", "polyline"), [(0.0, 0.0), (np.inf, 0.0)], "lane left"),
+        ("gpudrive", ("objects",), [], "no vehicle"),
+        ("gpudrive", ("roads",), {"a": 1}, "no scene of GPUDrive"),
+        ("gpudrive", ("objects",), [{"type": "vehicle", "valid": [True] * STEPS}], "'heading'"),
+        ("gpudrive", ("roads",), [{"type": "lane", "geometry": [{"x": 0, "y": 0}, {"x": 1e9, "y": 0}]}], "lane 0"),
     ],
 )
-def test_what_is_wrong_with_a_scene_of_scenarionet_is_one_line(keys, to, said, tmp_path):
-    path = write_scenarionet(tmp_path / "scene.pkl", changed(scene_of_scenarionet(), *keys, to=to))
+def test_what_is_wrong_with_a_scene_is_told(form, keys, to, said, tmp_path):
+    made, write, name = SCENES[form]
+    path = write(tmp_path / name, changed(made(), *keys, to=to))
     with pytest.raises(InputError, match=said):
-        read_traffic(path, "scenarionet", "recording")
+        read_traffic(path, form, "recording")
 
 
 def test_a_pickle_calls_nothing_it_names(tmp_path):
@@ -245,21 +256,6 @@ def test_a_pickle_calls_nothing_it_names(tmp_path):
     with pytest.raises(InputError, match=r"asks for posix\.mkdir"):
         read_traffic(path, "scenarionet", "recording")
     assert not made.exists()
-
-
-@pytest.mark.parametrize(
-    ("keys", "to", "said"),
-    [
-        (("objects",), [], "no vehicle"),
-        (("roads",), {"a": 1}, "no scene of GPUDrive"),
-        (("objects",), [{"type": "vehicle", "valid": [True] * STEPS}], "'heading'"),
-        (("roads",), [{"type": "lane", "geometry": [{"x": 0, "y": 0}, {"x": 1e9, "y": 0}]}], "lane 0"),
-    ],
-)
-def test_what_is_wrong_with_a_scene_of_gpudrive_is_one_line(keys, to, said, tmp_path):
-    path = write_gpudrive(tmp_path / "scene.json", changed(scene_of_gpudrive(), *keys, to=to))
-    with pytest.raises(InputError, match=said):
-        read_traffic(path, "gpudrive", "recording")
 
 
 def test_a_lane_that_turns_back_does_not_follow():

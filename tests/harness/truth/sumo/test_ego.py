@@ -1,6 +1,7 @@
 """Which vehicle is the ego, and when another takes over."""
 
 import numpy as np
+import pytest
 
 from harness.truth.sumo.corridor_traffic import choose_ego
 from harness.truth.sumo.simulation import NO_EGO
@@ -15,23 +16,21 @@ def chosen(present, **vehicles):
     return None if row is None else str(frame.vehicle_id[row])
 
 
-def test_a_car_on_a_middle_lane_near_the_start_is_chosen():
-    near = {"edge": (5, 1, 4.5), "truck": (10, 3, 15), "good": (40, 3, 4.5)}
-    assert chosen(NO_EGO, **near, far=(300, 3, 4.5), before=(-5, 3, 4.5)) == "good"
+NEAR = {"edge": (5, 1, 4.5), "truck": (10, 3, 15), "good": (40, 3, 4.5), "far": (300, 3, 4.5), "before": (-5, 3, 4.5)}
+YOUNG = {"young": (10, 3, 4.5)}
 
 
-def test_the_ego_stays_as_long_as_it_is_in_the_section():
-    assert chosen("old", old=(639.9, 1, 4.5), young=(10, 3, 4.5)) == "old"
-
-
-def test_another_takes_over_when_the_ego_passes_the_end_or_leaves_by_a_ramp():
-    assert chosen("old", old=(640.0, 3, 4.5), young=(10, 3, 4.5)) == "young"
-    assert chosen("old", old=(420.0, 0, 4.5), young=(10, 3, 4.5)) == "young"
-
-
-def test_any_vehicle_in_the_section_will_do_if_there_is_no_better():
-    assert chosen(NO_EGO, truck=(500, 5, 15)) == "truck"
-
-
-def test_an_empty_section_has_no_ego():
-    assert chosen(NO_EGO, before=(-5, 3, 4.5)) is None
+@pytest.mark.parametrize(
+    ("present", "vehicles", "ego"),
+    [
+        (NO_EGO, NEAR, "good"),
+        ("old", {"old": (639.9, 1, 4.5)} | YOUNG, "old"),
+        ("old", {"old": (640.0, 3, 4.5)} | YOUNG, "young"),
+        ("old", {"old": (420.0, 0, 4.5)} | YOUNG, "young"),
+        (NO_EGO, {"truck": (500, 5, 15)}, "truck"),
+        (NO_EGO, {"before": (-5, 3, 4.5)}, None),
+    ],
+    ids=["a car near the start", "stays in the section", "past its end", "on a ramp", "no better one", "nobody"],
+)
+def test_the_ego_is_a_car_on_a_middle_lane_near_the_start_until_it_leaves(present, vehicles, ego):
+    assert chosen(present, **vehicles) == ego
