@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from harness.common.bootstrap import independent_ci
-from harness.common.files import write_results
 from harness.common.markdown import markdown_table
 from harness.grid.grid import GridRequest
 from harness.scoring.metrics.quantity import Quantity
@@ -156,15 +154,6 @@ def as_markdown(rows: Sequence[dict[str, Any]], ideal: Sequence[dict[str, Any]],
         "",
     ]
     return "\n".join(lines)
-
-
-def write_ablation(
-    rows: Sequence[dict[str, Any]], ideal: Sequence[dict[str, Any]], setting: str, folder: Path
-) -> dict[str, Any]:
-    """Write ``results.json`` and ``results.md`` and return what the former holds; arguments as of ``as_markdown``."""
-    content = {"study": "ablation", "setting": setting, "results": list(rows), "ideal": list(ideal)}
-    write_results(folder, content, as_markdown(rows, ideal, setting))
-    return content
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> list[str]:

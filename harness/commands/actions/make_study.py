@@ -13,6 +13,7 @@ import pandas as pd
 import typer
 
 from harness.common.errors import InputError
+from harness.common.files import write_results
 from harness.common.markdown import show_markdown
 from harness.common.progress import progress_bar
 from harness.config.lists import seed_values
@@ -26,9 +27,9 @@ from harness.lab.ablation import (
     ablation_rows,
     as_markdown,
     ideal_request,
-    write_ablation,
 )
 from harness.lab.study import published, situations, study_text
+from harness.lab.study.figures import draw_study
 from harness.lab.windows.car_following import STEPS
 from harness.report.folder_page import write_page
 from harness.storage.grid_folder import RUNS
@@ -71,10 +72,11 @@ def make_study_of(options: Mapping[str, Any]) -> None:
         )
         network = load_network(net)
         if case == situations.SITUATIONS:
-            told = _make_situations(cases, network, options["real_data"], folder, say, quiet)
+            told = _make_situations(cases, network, options["real_data"], say, quiet)
         else:
             told = _make_published(cases, network, folder, say, quiet)
 
+    write_results(folder, told.numbers, told.text)
     write_page(folder)
     if options["json"]:
         typer.echo(json.dumps(told.numbers))
@@ -85,7 +87,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
 
 @dataclass(frozen=True)
 class _StudyOutput:
-    """A study's output on stdout, for programs and for people."""
+    """A study's results, for programs and for people."""
 
     numbers: dict[str, Any]
     text: str
@@ -109,7 +111,8 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _StudyOut
         f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, the default "
         "model unless an arm says otherwise."
     )
-    return _StudyOutput(write_ablation(rows, ideal, setting, folder), as_markdown(rows, ideal, setting))
+    numbers = {"study": "ablation", "setting": setting, "results": rows, "ideal": ideal}
+    return _StudyOutput(numbers, as_markdown(rows, ideal, setting))
 
 
 def _make_published(
@@ -119,12 +122,12 @@ def _make_published(
     title = f"study {plan.study}"
     with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
         result, setting = published.make_study(plan, network, say, advance)
-    study_text.write_study(result, setting, folder)
-    return _StudyOutput(study_text.as_json(result, setting), study_text.as_markdown(result, setting))
+    draw_study(result, folder)
+    return _StudyOutput(study_text.as_json(result.rows, setting), study_text.as_markdown(result, setting))
 
 
 def _make_situations(
-    plan: published.StudyPlan, net: Network, real: Path | None, folder: Path, say: Callable[[str], None], quiet: bool
+    plan: published.StudyPlan, net: Network, real: Path | None, say: Callable[[str], None], quiet: bool
 ) -> _StudyOutput:
     if real is not None:
         parts, steps = situations.recorded_parts(real), situations.SHORT_STEPS
@@ -140,5 +143,4 @@ def _make_situations(
         for name in ("network", "densities_veh_per_km_lane", "traffic_seeds"):
             del setting[name]
         setting["recordings"] = len(parts)
-    numbers = situations.write_situations(rows, setting, folder)
-    return _StudyOutput(numbers, situations.as_markdown(rows, setting))
+    return _StudyOutput(study_text.as_json(rows, setting), situations.as_markdown(rows, setting))

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.files import write_results
 from harness.common.markdown import markdown_table
-from harness.common.numbers import rounded
 from harness.lab.fidelity.samples import whole_recording
 from harness.lab.fit.card import regimes_of
 from harness.lab.study.published import StudyPlan, model_of
 from harness.lab.study.study import score_row
-from harness.lab.study.study_text import DECIMALS, error_cell, setting_line
+from harness.lab.study.study_text import error_cell, setting_line
 from harness.lab.windows.car_following import following_windows, join
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import join_changes, lane_change_windows
@@ -120,10 +118,3 @@ def as_markdown(rows: Sequence[Row], setting: Mapping[str, Any]) -> str:
         heads = ["model", *(f"{horizon:g} s" for horizon in horizons)]
         parts += markdown_table(heads, [[model, *line] for model, line in cells.items()])
     return "\n".join([*parts, "", "## Setting", "", setting_line(setting), ""])
-
-
-def write_situations(rows: Sequence[Row], setting: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Write ``results.json`` and ``results.md`` into a folder, made if missing, and return what the first holds."""
-    numbers = {"setting": dict(setting), "results": rounded(rows, DECIMALS)}
-    write_results(folder, numbers, as_markdown(rows, setting))
-    return numbers

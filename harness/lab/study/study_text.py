@@ -1,16 +1,13 @@
-"""A study's folder: results as JSON and as a Markdown table, and figures."""
+"""A study's results as JSON and as Markdown tables."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-from harness.common.files import write_results
 from harness.common.markdown import markdown_table
 from harness.common.numbers import rounded
-from harness.lab.study.figures import draw_study
 from harness.lab.study.study import StudyResult
 
 Row = Mapping[str, Any]
@@ -19,15 +16,9 @@ QUANTITIES = {"lon_m": "position, m", "speed_mps": "speed, m/s"}
 LATERAL_QUANTITIES = {"lat_m": "lateral position, m", "lat_speed_mps": "lateral speed, m/s"}
 
 
-def write_study(result: StudyResult, setting: Mapping[str, Any], folder: Path) -> None:
-    """Write ``results.json``, ``results.md`` and the pictures into a folder, which is made if missing."""
-    write_results(folder, as_json(result, setting), as_markdown(result, setting))
-    draw_study(result, folder)
-
-
-def as_json(result: StudyResult, setting: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what ``--json`` prints."""
-    return {"setting": dict(setting), "results": rounded(result.rows, DECIMALS)}
+def as_json(rows: Sequence[Row], setting: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a study's setting and numbers, as ``results.json`` holds them and ``--json`` prints them."""
+    return {"setting": dict(setting), "results": rounded(rows, DECIMALS)}
 
 
 def as_markdown(result: StudyResult, setting: Mapping[str, Any]) -> str:
