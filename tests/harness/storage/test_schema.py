@@ -1,6 +1,5 @@
 """What a table's declaration says is what is written, read, checked and explained."""
 
-import importlib.util
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from harness.truth.frame import Frame
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import TRACK_STATES
 from tests.harness.stand_ins import SteadyTraffic, observing
+from tests.test_docs import script
 
 ROOT = Path(__file__).parents[3]
 
@@ -44,13 +44,6 @@ def recorded(folder: Path, traffic: SteadyTraffic, tracker: str = "tests.harness
     return run(config, out=folder, open_snapshots=observing(traffic)).folder
 
 
-def page() -> str:
-    spec = importlib.util.spec_from_file_location("reference_pages", ROOT / ".ci" / "reference_pages.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script.tables_page(TABLES)
-
-
 def test_a_new_column_of_the_truth_needs_its_declaration_and_its_value_alone(tmp_path, monkeypatch):
     lights = Column("string", "lights", "brake lights", absent="it is day", words=("off", "red"))
     truth = TABLES[TRUTH]
@@ -62,7 +55,7 @@ def test_a_new_column_of_the_truth_needs_its_declaration_and_its_value_alone(tmp
     rows = read_recorded_run(lit).truth
     assert rows["lights"].tolist() == 3 * 9 * ["red", "off"]
     assert recorder.frame_of(rows[rows["step"] == 0]).lights.tolist() == 9 * ["red", "off"]
-    assert "| `lights` | string |  | brake lights; absent where it is day |" in page()
+    assert "| `lights` | string |  | brake lights; absent where it is day |" in script().tables_page(TABLES)
     monkeypatch.setitem(TABLES, TRUTH, replace(truth, columns=(*truth.columns, replace(lights, words=("off", "on")))))
     with pytest.raises(InputError, match=r"truth\.parquet: lights holds 'red'; there are off, on$"):
         read_recorded_run(lit)

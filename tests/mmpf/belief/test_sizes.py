@@ -11,20 +11,14 @@ from hypothesis import strategies as st
 
 from mmpf.belief.mixture import Components
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
-from mmpf.motion.protocol import motion_models
-from mmpf.options.filter import MEAN_CAR, FilterOptions
-from mmpf.scan import BodySizes, InvalidScanError, Scan, SensorModel, check_scan
-from mmpf.tracker import MixtureTracker
+from mmpf.options.filter import MEAN_CAR
+from mmpf.scan import BodySizes, InvalidScanError, Scan, check_scan
 from mmpf.tracks import HIDDEN, Tracks
-from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
+from tests.mmpf.scenes import ego_at, lane_centre, scan_of
+from tests.mmpf.test_tracker import tracker_with
 
 CAR, TRUCK = (4.7, 1.9), (18.0, 2.5)
 SHARE = 0.1
-
-
-def tracker_with(update: str = "joint") -> MixtureTracker:
-    options = FilterOptions.model_validate({"update": update, "particles": 300})
-    return MixtureTracker(ROAD, SensorModel(), motion_models["cvm"](), np.random.default_rng(0), options)
 
 
 def sized(scan: Scan, true_sizes: list[tuple[float, float]], rng: np.random.Generator | None = None) -> Scan:
