@@ -146,10 +146,10 @@ def trusted() -> Iterator[None]:
         _within.reset(token)
 
 
-def confine(folders: Sequence[Path], *, offline: bool = True) -> bool:
+def confine(folders: Sequence[Path]) -> bool:
     """Take from this thread, and what it starts, the right to write but in some folders; it can't be given back.
 
-    Offline it may neither start programs nor open connections. Returns whether the kernel has done so: Linux since
+    It may neither start programs nor open connections from then on. Returns whether the kernel has done so: Linux since
     5.13, unless built or started without Landlock.
     """
     libc = ctypes.CDLL(None, use_errno=True)
@@ -158,8 +158,8 @@ def confine(folders: Sequence[Path], *, offline: bool = True) -> bool:
         return False
     rights = (1 << RIGHTS_BY_VERSION.get(version, max(RIGHTS_BY_VERSION.values()))) - 1
     written = rights & ~(READ_FILE | READ_DIR | EXECUTE)
-    net = 3 if offline and version >= FIRST_WITH_NET else 0
-    handled = struct.pack("QQ" if net else "Q", written | (EXECUTE if offline else 0), *([net] if net else []))
+    net = 3 if version >= FIRST_WITH_NET else 0
+    handled = struct.pack("QQ" if net else "Q", written | EXECUTE, *([net] if net else []))
     rules = libc.syscall(CREATE_RULESET, handled, ctypes.c_size_t(len(handled)), ctypes.c_uint32(0))
     of_files = written & (WRITE_FILE | 1 << RIGHTS_BY_VERSION[2])
     for path, allowed in ((Path(os.devnull), of_files), *((folder, written) for folder in folders)):

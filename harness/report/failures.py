@@ -73,13 +73,13 @@ def withheld_words(metrics: Mapping[str, Any]) -> str:
     return " and ".join(f"{count} {what}" for count, what in counts if count)
 
 
-def withheld_vehicles(run: RecordedRun, count: int = WORST_WITHHELD) -> list[Failure]:
+def withheld_vehicles(run: RecordedRun) -> list[Failure]:
     """Return the worst vehicles in plain view that were never reported or lost their track, worst first.
 
     None of a run that was scored before there was such a list; of a long run those count alone that the read part of
     its tables shows.
     """
-    return list(_withheld(run))[:count]
+    return list(_withheld(run))[:WORST_WITHHELD]
 
 
 def _withheld(run: RecordedRun) -> Iterator[Failure]:
