@@ -12,8 +12,9 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.exit_codes import RUN_FAILED
@@ -42,6 +43,7 @@ def watched(command: str, arguments: Sequence[str]) -> int:
     child, pipe, mask = _fork(handed_on)
     if not child:
         with ends_like_ctrl_c():
+            _tell_of_exits(pipe)
             try:
                 signal.pthread_sigmask(signal.SIG_SETMASK, mask)
                 code = int(_named(command)(arguments))
@@ -49,7 +51,7 @@ def watched(command: str, arguments: Sequence[str]) -> int:
                 code = code_of_end()
             # All is done and told: what ends the process from here on must not look like an error.
             ignore_ends()
-        os.write(pipe, pickle.dumps(code))
+        os.write(pipe, pickle.dumps((code, None)))
         return code
     named = ", ".join(code_named(arguments)) or "a plug-in or a library that the command uses"
     try:
@@ -89,16 +91,14 @@ def survived(function: str, arguments: tuple[object, ...], named: str) -> Any:  
                 process.wait()
             except KeyboardInterrupt:
                 process.send_signal(signal.SIGINT)
-    found, failure = _read(reading, process.pid, process.returncode, named)
-    if failure is not None:
-        raise failure
-    return found
+    return _read(reading, process.pid, process.returncode, named)
 
 
 def answer() -> None:
     """Do the work of the process that ``survived`` starts: call, and tell what came of it."""
     ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
     writing = int(sys.argv[1])
+    _tell_of_exits(writing)
     told: tuple[Any, BaseException | None]
     try:
         told = _named(sys.argv[2])(*pickle.load(sys.stdin.buffer)), None
@@ -107,6 +107,20 @@ def answer() -> None:
     except BaseException as error:  # whatever external code raises
         told = None, RunError(str(error))
     os.write(writing, pickle.dumps(told))
+
+
+def _tell_of_exits(writing: int) -> None:
+    """Let ``os._exit`` tell through a pipe which line of external code calls it in this process."""
+    leave, owner = os._exit, os.getpid()
+
+    def told(code: int) -> NoReturn:
+        caller = sys._getframe(1)
+        if os.getpid() == owner and not caller.f_globals.get("__name__", "").startswith(("harness.", "mmpf.")):
+            place = f"{Path(caller.f_code.co_filename).name} line {caller.f_lineno}"
+            os.write(writing, pickle.dumps((None, RunError(f"{place} ended the process by os._exit({code}); fix it"))))
+        leave(code)
+
+    os._exit = told  # type: ignore[assignment]
 
 
 def _named(function: str) -> Callable[..., Any]:
@@ -153,8 +167,7 @@ def _told(child: int, pipe: int, mask: set[Any], handed_on: Sequence[int], named
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, hand_on)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    return int(_read(pipe, child, status, named))
+    return int(_read(pipe, child, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), named))
 
 
 def _read(pipe: int, child: int, status: int, named: str) -> Any:  # noqa: ANN401
@@ -169,7 +182,10 @@ def _read(pipe: int, child: int, status: int, named: str) -> Any:  # noqa: ANN40
     os.set_blocking(pipe, False)
     try:
         if content := os.read(pipe, 1 << 16):
-            return pickle.loads(content)
+            found, failure = pickle.loads(content)
+            if failure is not None:
+                raise failure
+            return found
     except BlockingIOError:
         pass
     finally:

@@ -30,8 +30,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
 def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose texts no spreadsheet takes for a formula: an apostrophe goes before those that begin so."""
     texts = [name for name in table if not is_numeric_dtype(table[name])]
-    return table.assign(**{str(name): table[name].map(_harmless) for name in texts})
 
+    def harmless(value: object) -> object:
+        return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
 
-def _harmless(value: object) -> object:
-    return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
+    return table.assign(**{str(name): table[name].map(harmless) for name in texts})

@@ -169,7 +169,10 @@ def _variants(request: GridRequest) -> list[_Variant]:
                     f"`trackers` {text}: {setting!r} is not KEY=VALUE; for example mmpf+update=max_likelihood"
                 )
         crossed = name == DEFAULT_TRACKER and not any(setting.startswith("model=") for setting in settings)
-        full = tuple(_full_key(setting) for setting in settings)
+        full = tuple(
+            f"tracker.{each}" if each.partition("=")[0] in NAMED_TRACKER_SETTINGS else f"tracker.options.{each}"
+            for each in settings
+        )
         if label in (variant.label for variant in variants):
             raise InputError(f"`trackers` {text}: another tracker is called {label} too; choose another name")
         variants += [_Variant(label, tracker, name, full, model) for model in (models if crossed else (None,))]
@@ -186,11 +189,6 @@ def _labelled(text: str) -> tuple[str, str]:
     if label in (TRUE_PERCEPTION, *trackers):
         raise InputError(f"`trackers` {text}: {label} is the name of another tracker; for example my-{label}={tracker}")
     return label, tracker
-
-
-def _full_key(setting: str) -> str:
-    key = setting.partition("=")[0]
-    return f"tracker.{setting}" if key in NAMED_TRACKER_SETTINGS else f"tracker.options.{setting}"
 
 
 def _traffic_points(request: GridRequest) -> list[dict[str, Any]]:
@@ -257,11 +255,6 @@ def _combinations(axes: Mapping[str, Sequence[float]]) -> Iterator[dict[str, flo
         yield dict(zip(axes, values, strict=True))
 
 
-def _concerns_all(word: str) -> bool:
-    """Whether a setting concerns every tracker, not only those that take the grid's own."""
-    return word.startswith(BELIEFS) or not word.startswith("tracker.")
-
-
 def _config(
     request: GridRequest, variant: _Variant, place: Mapping[str, Any], seed: int, varied: Mapping[str, float]
 ) -> RunConfig:
@@ -275,7 +268,9 @@ def _config(
         "particles": request.particles if variant.takes_settings else None,
         "seed": seed,
     }
-    settings = [word for word in request.settings if variant.takes_settings or _concerns_all(word)]
+    # Others than the tracker's own concern every tracker, not only those that take the grid's.
+    of_all = [word for word in request.settings if word.startswith(BELIEFS) or not word.startswith("tracker.")]
+    settings = request.settings if variant.takes_settings else of_all
     words = [f"{key}={int(value) if value.is_integer() else value}" for key, value in varied.items()]
     try:
         return resolve_run_config(None, options, [*settings, *variant.settings, *words])

@@ -51,7 +51,8 @@ def run_cells(
             while waiting and len(pool) < workers:
                 pool.append(_Worker(timeout_s, worker_module))
                 pool[-1].give(waiting.take(None))
-            wait([worker.connection for worker in pool], _patience(pool))
+            left_s = [worker.deadline - monotonic() for worker in pool if worker.deadline is not None]
+            wait([worker.connection for worker in pool], max(0.0, min([LONGEST_WAIT_S, *left_s])))
             for worker in tuple(pool):
                 worker.take_in(on_row)
                 if worker.idle and waiting and worker.cells < CELLS_PER_PROCESS:
@@ -64,11 +65,6 @@ def run_cells(
     finally:
         for worker in pool:
             worker.stop()
-
-
-def _patience(pool: Sequence[_Worker]) -> float:
-    deadlines = [worker.deadline for worker in pool if worker.deadline is not None]
-    return min([LONGEST_WAIT_S, *(max(0.0, deadline - monotonic()) for deadline in deadlines)])
 
 
 @dataclass

@@ -26,9 +26,6 @@ def _said(key: str, value: object) -> list[str]:
     option_of = {key: name for name, key in keys_of_options().items()}
     if key in option_of:
         return [f"--{option_of[key].replace('_', '-')}", str(value)]
-    return ["--set", f"{key}={value if _is_word(value) else json.dumps(value)}"]
-
-
-def _is_word(value: object) -> bool:
-    """Return whether a text stands for itself: none that TOML would read as a number, a truth value or a list."""
-    return isinstance(value, str) and value not in ("true", "false", "nan", "inf") and value.replace("_", "").isalpha()
+    # A text stands for itself that TOML would not read as a number, a truth value or a list.
+    plain = isinstance(value, str) and value not in ("true", "false", "nan", "inf") and value.replace("_", "").isalpha()
+    return ["--set", f"{key}={value if plain else json.dumps(value)}"]

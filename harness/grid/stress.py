@@ -100,7 +100,9 @@ def check_grid(grid: GridPlan, tell: Callable[[str], object]) -> None:
     """
     if grid.is_replay:
         _check_sensors_and_trackers(grid)
-        _check_recordings(grid, tell)
+        # Every file is read once, so that a broken one is reported before hours of runs over the others.
+        for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
+            tell(open_snapshots(config).report)
         return
     traffic = dict.fromkeys((each.net, each.demand, each.density) for each in (c.config.traffic for c in grid.cells))
     for name, points in groupby(traffic, key=itemgetter(0)):
@@ -111,12 +113,6 @@ def check_grid(grid: GridPlan, tell: Callable[[str], object]) -> None:
             if demand is not None:
                 network.demand(demand)
     _check_sensors_and_trackers(grid)
-
-
-def _check_recordings(grid: GridPlan, tell: Callable[[str], object]) -> None:
-    """Read every file once, so that a broken one is reported before hours of runs over the others."""
-    for config in {str(cell.config.replay): cell.config for cell in grid.cells}.values():
-        tell(open_snapshots(config).report)
 
 
 def _check_sensors_and_trackers(grid: GridPlan) -> None:

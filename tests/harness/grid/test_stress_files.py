@@ -211,8 +211,9 @@ def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):
         return SimpleNamespace(report=f"read {config.replay.name}")
 
     monkeypatch.setattr("harness.grid.stress.open_snapshots", open_snapshots)
+    monkeypatch.setattr(stress, "_check_sensors_and_trackers", lambda grid: None)
     said: list = []
-    stress._check_recordings(SimpleNamespace(cells=runs), said.append)
+    stress.check_grid(SimpleNamespace(cells=runs, is_replay=True), said.append)
     assert (opened, said) == (files, ["read a.csv", "read b.csv"])
 
 
