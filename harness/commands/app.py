@@ -104,7 +104,6 @@ def other_checkout(place: Path, running: Path) -> Path | None:
 def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) -> int:
     """Run a command and turn whatever ends it into an exit code."""
     try:
-        # What was typed without a value that may have one gets it.
         words = list(arguments) if called not in COMMANDS.own else with_values(COMMANDS[called], arguments)
         outcome = group(args=words, prog_name="python -m harness", standalone_mode=False)
         sys.stdout.flush()

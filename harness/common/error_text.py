@@ -6,6 +6,7 @@ import difflib
 import os
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,7 +55,10 @@ def what_it_raised(error: BaseException) -> str:
     """Return an exception of external code on one line: its text, and the file and line that raised it."""
     frames = traceback.extract_tb(error.__traceback__)
     place = f", {Path(frames[-1].filename).name} line {frames[-1].lineno}" if frames else ""
-    return " ".join(f"{type(error).__name__}: {error}{place}".split())
+    text = "it has no text"
+    with suppress(Exception):
+        text = str(error)
+    return " ".join(f"{type(error).__name__}: {text}{place}".split())
 
 
 def in_words(error: BaseException) -> str:

@@ -37,6 +37,7 @@ def make(setting, options):
 STEPS = {
     "raise BrokenPipeError": "BrokenPipeError",
     "raise MemoryError": "MemoryError",
+    "raise type('E', (Exception,), {'__str__': lambda error: 1 / 0})": "E: it has no text, bad.py line 11",
     "if os.fork() == 0: return one()": "has forked this process at 0 s",
     "return one(std_lat_m=0.0)": "std_lat_m holds 0",
     "return one(std_speed_mps=-3.0)": "std_speed_mps holds -3",
