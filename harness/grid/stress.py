@@ -170,7 +170,6 @@ def _mismatched(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figur
 
 
 def _pooled(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figures: Path, failures: list[str]) -> _Text:  # noqa: ARG001
-
     pooled = pool_files(table)
     draw_charts(hidden_charts(pooled), "Hidden vehicles in recorded traffic", figures / "hidden.png")
     return _Text(asdict(pooled), pooled_markdown(pooled, failures))

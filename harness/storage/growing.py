@@ -38,7 +38,9 @@ class GrowingTables:
         """
         for name, size in size_bytes.items():
             with temporary_of(self._next(name)).open("ab") as file:
-                os.posix_fallocate(file.fileno(), 0, OVERHEAD_BYTES + size)
+                # From the end on, since a file system without reservations writes the whole range.
+                kept = min(file.tell(), OVERHEAD_BYTES + size - 1)
+                os.posix_fallocate(file.fileno(), kept, OVERHEAD_BYTES + size - kept)
 
     def append(self, stretch: int, tables: Mapping[str, pd.DataFrame]) -> None:
         """Add the rows of a stretch, whose number is above those before, to tables named by their files.

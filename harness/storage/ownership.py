@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from pathlib import Path
 
 from harness.common.errors import InputError
@@ -35,9 +34,7 @@ def claim(folder: Path, kind: str) -> None:
 
 def record_all(folder: Path, kind: str) -> None:
     """Write the list of this program's files for a folder that holds no others."""
-    # On a full disk the list stays as it was: nothing will replace the folder.
-    with suppress(OSError):
-        _write(folder, kind, (name for name in _files(folder) if name != LEDGER))
+    _write(folder, kind, (name for name in _files(folder) if name != LEDGER))
 
 
 def add(folder: Path, files: Iterable[Path]) -> None:

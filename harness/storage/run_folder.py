@@ -83,7 +83,9 @@ class PendingFolder:
 
     def leave_incomplete(self) -> Path:
         """Rename the folder to show that the run did not end, and return it."""
-        ownership.record_all(self.path, ownership.RUN)
+        # On a full disk the ledger stays as it was: nothing will replace the folder, and its rows are kept.
+        with suppress(OSError):
+            ownership.record_all(self.path, ownership.RUN)
         marked = self.final.with_name(self.final.name + INCOMPLETE_SUFFIX)
         if marked.exists() and _is_replaceable(marked):
             ownership.remove(marked)
