@@ -54,10 +54,8 @@ def writing(parameter: str, path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        kind = RunError if error.errno in NO_ROOM else InputError
-        raise kind(
-            f"`{parameter}`: can't write {path}: {in_words(error)}; choose another place, or make room"
-        ) from None
+        told = f"`{parameter}`: can't write {path}: {in_words(error)}; choose another place, or make room"
+        raise (RunError if error.errno in NO_ROOM else InputError)(told) from None
 
 
 def temporary_of(final: Path) -> Path:
