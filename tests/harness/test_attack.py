@@ -379,3 +379,8 @@ def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(nam
     assert INPUTS[name].word in told
     assert code == 0 or (told.count("\n") == 1 and len(told) < 1500)
     assert untouched(tmp_path) == before
+
+
+def test_all_91_of_the_first_attack_are_here():
+    # Eight rows are of later attacks; nine of the 91 are rows of ``test_wrong_arguments``.
+    assert len(INPUTS) - 8 + 9 == 91
