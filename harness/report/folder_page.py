@@ -157,7 +157,8 @@ def _tables(folder: Path) -> dict[str, Markup]:
         return {}
     runs = runfolder.read_table(folder, path.name, "folder", ()).head(MOST_ROWS)
     shown = [name for name in runs if runs[name].notna().any()]
-    rows = [[_cell(value) for value in row] for row in runs[shown].itertuples(index=False)]
+    table = runs[shown].itertuples(index=False)
+    rows = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row] for row in table]
     labels = {quantity.key: quantity.label for quantity in quantities()}
     headings = [_heading(str(name), labels.get(str(name))) for name in shown]
     return {"Every run (runs.parquet)": html_table(headings, rows)}
@@ -166,7 +167,3 @@ def _tables(folder: Path) -> dict[str, Markup]:
 def _heading(key: str, label: str | None) -> str | Markup:
     """Return a column's label with its key below, where it has a label."""
     return key if label is None else Markup("{}<br><span class='key'>{}</span>").format(label, key)
-
-
-def _cell(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
