@@ -39,6 +39,9 @@ def watched(command: str, arguments: Sequence[str]) -> int:
         command: ``module:function``, which takes the command's words and returns an exit code.
         arguments: These words.
     """
+    if hasattr(sys.stderr, "reconfigure"):
+        # Lines of several processes mix unless each is one write, which PYTHONUNBUFFERED=1 prevents.
+        sys.stderr.reconfigure(line_buffering=True, write_through=False)
     handed_on = (*CODES, signal.SIGTSTP)
     child, pipe, mask = _fork(handed_on)
     if not child:
