@@ -110,17 +110,16 @@ class Judgement:
         """Return how much more would decide what an interval leaves open."""
         few = [verdict for verdict in unsure if verdict.wanting]
         names = _some([name_of(verdict.metric) for verdict in few or unsure])
-        told = f"Too few {self.units} for a verdict ({names})" if few else f"The intervals of {names} leave it open"
+        told = f"Too few {self.units} for a verdict ({names})" if few else f"The intervals of {names} do not decide"
         known = [verdict.more_units for verdict in unsure if verdict.more_units is not None]
         if self.units == "vehicles":
-            more = f"; about {max(known)} more, 100 m apart, are needed" if len(known) == len(unsure) else ""
+            more = f"; about {max(known)} more would be needed" if len(known) == len(unsure) else ""
             return f"{told}{more}. Compare stress tests of several seeds."
         if len(known) < len(unsure):
             return f"{told}; add {self.units}." if few else f"{told}, and more {self.units} would hardly change that."
-        return (
-            f"{told}; about {max(known)} more {self.units} would decide it in four cases of five, if differences and "
-            "scatter stay as they are."
-        )
+        count = max(known)
+        more = f"{count} more {self.units if count > 1 else self.units.removesuffix('s')}"
+        return f"{told}; about {more} would decide it with a probability of 80 %."
 
 
 def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: bool = False) -> Judgement:
@@ -186,7 +185,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
             "The time of a step is not judged: it is comparable only between trackers of one and the same stress test."
         )
     told += _survivor_notes(verdicts)
-    paired = f"{compared} runs of each side are compared, of {len(a.rows)} of a and {len(b.rows)} of b."
+    paired = f"Compared: {compared} of the {len(a.rows)} runs of a with {compared} of the {len(b.rows)} runs of b."
     return Judgement(a.name, b.name, verdicts, tuple(told), rules, units, tuple(wanting), None, differs, paired)
 
 

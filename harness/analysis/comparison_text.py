@@ -24,10 +24,9 @@ MOST_MOMENTS = 20
 def conclusion(comparison: Judgement) -> str:
     """Return the outcome in a sentence or two."""
     outcome, judged = comparison.outcome, comparison.primary
-    counts = [
-        f"{sum(verdict.verdict == word for verdict in judged)} {word}" for word in (WORSE, UNDECIDED, NO_WORSE, BETTER)
-    ]
-    found = f"of {len(judged)} verdicts {', '.join(counts)}"
+    counts = {word: sum(verdict.verdict == word for verdict in judged) for word in (WORSE, UNDECIDED, NO_WORSE, BETTER)}
+    told = ", ".join(f"{count} {word}" for word, count in counts.items() if count or not judged)
+    found = f"of {len(judged)} verdict{'' if len(judged) == 1 else 's'} {told}"
     if outcome == WORSE:
         worse = ", ".join(
             f"{name_of(verdict.metric)}{f' ({verdict.breach})' if verdict.breach else _percent(verdict)}"
@@ -61,7 +60,7 @@ def verdicts_in_grid(folder: Path) -> str:
         judged = [compare(a, b) for b in sides]
     except (InputError, ValueError):
         return ""
-    lines = [f"a: {first}. Each comparison is tested by itself: of many, some are worse or better by chance."]
+    lines = [f"a: {first}. A verdict allows a tolerance and corrects for the number of metrics, but not of trackers."]
     for other, comparison in zip(others, judged, strict=True):
         lines += ["", f"b: {other}. {conclusion(comparison)} {comparison.paired}", ""]
         lines += markdown_table(HEADINGS, map(_marked_cells, comparison.primary))

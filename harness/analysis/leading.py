@@ -17,9 +17,9 @@ MOST_SETTINGS = 2
 
 
 def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
-    """Return which tracker is ahead and by how much over the next one, with Student's 95 % intervals over seeds.
+    """Return which tracker is ahead of the next one, with Student's 95 % interval over seeds, and how much by setting.
 
-    Trackers are ranked by the mean of their settings' means; one is ahead if the interval over all excludes 0.
+    Trackers are ranked by the mean of their settings' means; one is ahead if the interval excludes 0.
 
     Args:
         runs: A row for each run: ``tracker``, ``setting`` in words, ``seed`` and ``score``.
@@ -35,18 +35,16 @@ def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
     pairs = wide[list(ranked[:2])].dropna()
     if len(ranked) < 2 or not len(pairs):
         return ""
-    by_setting = {f"at {name}": _lead(of_setting) for name, of_setting in pairs.groupby("setting", sort=False)}
+    settings = pairs.groupby("setting", sort=False)
+    by_setting = {str(name): _lead(of_setting).difference for name, of_setting in settings}
     overall = _lead(pairs)
-    parts = {where: f"{_in_words(lead, quantity)} {where}" for where, lead in by_setting.items()}
-    told = ", ".join(parts.values())
-    if len(parts) > MOST_SETTINGS:
-        least, *_, most = sorted(by_setting, key=lambda where: by_setting[where].difference)
-        told = f"at the least {parts[least]}, at the most {parts[most]}"
-    if len(parts) > 1:
-        over_all = f"{_in_words(overall, quantity)} over {len(parts)} settings"
-        told = f"{over_all}; {told}" if any(np.isfinite(lead.se) for lead in by_setting.values()) else over_all
+    shown = sorted(by_setting, key=by_setting.__getitem__) if len(by_setting) > MOST_SETTINGS else list(by_setting)
+    parts = [f"{by_setting[name]:.{quantity.decimals}f} at {name}" for name in (shown[0], shown[-1])]
+    between = "from {} to {}" if len(by_setting) > MOST_SETTINGS else "{}, {}"
+    told = f" ({between.format(*parts)})" if len(by_setting) > 1 else f" at {shown[0]}"
     ahead = "is ahead of" if overall.ci95[0] > 0.0 else "is not clearly ahead of"
-    return f"{ranked[0]} {ahead} {ranked[1]} in {quantity.label.rpartition(', ')[0]}: {told}."
+    measure = quantity.label.rpartition(", ")[0]
+    return f"In {measure}, {ranked[0]} {ahead} {ranked[1]}: {_in_words(overall, quantity)}{told}."
 
 
 def _lead(pairs: pd.DataFrame) -> Effect:
@@ -57,8 +55,7 @@ def _lead(pairs: pd.DataFrame) -> Effect:
 
 
 def _in_words(lead: Effect, quantity: Quantity) -> str:
-    sign = -1.0 if lead.difference < 0.0 else 1.0
-    size, low, high = (f"{sign * value:.{quantity.decimals}f}" for value in (lead.difference, *lead.ci95[:: int(sign)]))
-    interval = f"{low}, {high}" if np.isfinite(lead.se) else "one seed"
+    size, low, high = (f"{value:.{quantity.decimals}f}" for value in (lead.difference, *lead.ci95))
+    interval = f"95 % interval {low} to {high}" if np.isfinite(lead.se) else "one seed"
     unit = quantity.label.rpartition(", ")[2].replace("%", "percentage points")
-    return f"{'behind by' if sign < 0.0 else 'by'} {size} {unit} [{interval}]"
+    return f"by {size} {unit}, {interval}"

@@ -38,16 +38,15 @@ def failure(place: int, kind: str = KINDS[0], cause: str = CAUSES[0]) -> TrackFa
     [
         (
             [verdict(), verdict(IDF1, BETTER)],
-            "No worse: b is nowhere worse by more than 2 %; of 2 verdicts 0 worse, 0 undecided, 1 no worse, 1 better.",
+            "No worse: b is nowhere worse by more than 2 %; of 2 verdicts 1 no worse, 1 better.",
         ),
         (
             [verdict(word=WORSE), verdict(IDF1, WORSE, difference=-8.0), verdict(IDF1, UNDECIDED)],
-            "Worse: b is worse in HOTA in sight (-2.5 %), IDF1 in sight (-10.0 %); "
-            "of 3 verdicts 2 worse, 1 undecided, 0 no worse, 0 better.",
+            "Worse: b is worse in HOTA in sight (-2.5 %), IDF1 in sight (-10.0 %); of 3 verdicts 2 worse, 1 undecided.",
         ),
         (
             [verdict(word=UNDECIDED), verdict(IDF1, UNTESTED, primary=False)],
-            "Undecided: of 1 verdicts 0 worse, 1 undecided, 0 no worse, 0 better.",
+            "Undecided: of 1 verdict 1 undecided.",
         ),
     ],
 )

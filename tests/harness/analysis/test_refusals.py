@@ -151,7 +151,7 @@ def test_a_comparison_tells_its_sides_rules_units_and_notes():
         ),
         None,
     )
-    assert found.paired == "3 runs of each side are compared, of 4 of a and 5 of b."
+    assert found.paired == "Compared: 3 of the 4 runs of a with 3 of the 5 runs of b."
     assert found.outcome == UNDECIDED
     assert found.notes == (TIME,)
     assert [each.metric for each in found.verdicts] == [quantity.key for quantity in compared_quantities()]
