@@ -104,6 +104,12 @@ def test_overview_loads_nothing_heavy():
     assert "python -m harness run --net us101" in answer.stdout
 
 
+def test_a_python_without_the_libraries_is_told_so_in_one_line():
+    answer = subprocess.run([sys.executable, "-S", "-m", "harness"], capture_output=True, text=True, check=False)
+    assert (answer.returncode, answer.stdout, answer.stderr.count("\n")) == (2, "", 1)
+    assert "activate the environment" in answer.stderr
+
+
 def test_every_listed_command_can_be_called_for_help(capsys):
     assert {"run", "nets"} <= set(app.COMMANDS)
     for name in app.COMMANDS:
