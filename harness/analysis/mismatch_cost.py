@@ -11,9 +11,7 @@ import numpy as np
 from harness.common.intervals import ANY, Possible, possible_ci
 from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
-from harness.storage.grid_rows import column_of
 from harness.storage.schema import AS_IS, DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
-from mmpf.numerics.arrays import FloatArray
 from mmpf.options.base import fields_of
 
 if TYPE_CHECKING:
@@ -33,6 +31,8 @@ SCORES = {
     "false_tracks_per_scan": "mot.false_tracks_per_scan",
 }
 """Of each mean of a ``Cost`` the column of the grid."""
+LEADS = {"HOTA": HOTA, "worst tenth": SCORES["worst_tenth"]}
+"""The scores by which the first tracker is held against the others, both in points."""
 
 
 @dataclass(frozen=True)
@@ -74,16 +74,17 @@ class Cost:
 
 @dataclass(frozen=True)
 class Lead:
-    """How far the first tracker is ahead of the best of the others, by mean HOTA, in a world.
+    """How far the first tracker is ahead of the best of the others by a score's mean, in a world.
 
-    HOTA is paired run by run, in points, with Student's 95 % interval; runs are those that both ended well.
+    Paired run by run, with Student's 95 % interval; runs are those that both ended well.
     """
 
     mismatch: str
+    score: str
     first: str
     best_other: str
-    hota_ahead: float
-    hota_ahead_ci95: tuple[float, float]
+    ahead: float
+    ahead_ci95: tuple[float, float]
     runs: int
 
 
@@ -93,40 +94,36 @@ def costs(table: pd.DataFrame) -> list[Cost]:
     for (variant, model), rows in _by_world(table).groupby(["variant", "model"], sort=False):
         usual = rows[rows[MISMATCH] == AS_IS].set_index("world")[HOTA]
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
-            loss = usual.reindex(some["world"]).to_numpy(dtype=np.float64) - column_of(some, HOTA)
-            loss = loss[np.isfinite(loss)]
+            here = some.set_index("world").reindex(columns=[*SCORES.values()]).astype(float)
+            loss = (usual.reindex(here.index) - here[HOTA]).dropna()
             found.append(
                 Cost(
                     variant=str(variant),
                     model=str(model),
                     mismatch=str(mismatch),
-                    hota_loss=_mean(loss),
+                    hota_loss=float(loss.mean()),
                     hota_loss_ci95=_interval(loss),
                     runs=len(some),
-                    hota_ci95=_interval(column_of(some, HOTA), Possible(most=100.0)),
-                    **{score: _mean(column_of(some, column)) for score, column in SCORES.items()},
+                    hota_ci95=_interval(here[HOTA], Possible(most=100.0)),
+                    **dict(zip(SCORES, here.mean(), strict=True)),
                 )
             )
     return found
 
 
 def leads(table: pd.DataFrame) -> list[Lead]:
-    """Return how far the first tracker is ahead of the best of the others, world by world; none of a single tracker."""
+    """Return how far the first tracker is ahead of the best of the others by each of ``LEADS``, world by world."""
     rows = _by_world(table)
     found = []
-    for mismatch, some in rows.groupby(MISMATCH, sort=False):
-        hota = {
-            " ".join(filter(None, map(str, key))): each.set_index("world")[HOTA]
-            for key, each in some.groupby(["variant", "model"], sort=False)
-        }
-        first, *others = hota
-        pairs = {name: hota[first].sub(hota[name]).dropna().to_numpy(dtype=np.float64) for name in others}
-        pairs = {name: ahead for name, ahead in pairs.items() if len(ahead)}
-        if not pairs:
-            continue
-        best = min(pairs, key=lambda name: float(pairs[name].mean()))
-        ahead = pairs[best]
-        found.append(Lead(str(mismatch), first, best, _mean(ahead), _interval(ahead), len(ahead)))
+    for score, column in LEADS.items():
+        for mismatch, some in rows.groupby(MISMATCH, sort=False):
+            first = some["name"].iloc[0]
+            values = some.reindex(columns=["world", "name", column]).pivot_table(column, "world", "name", dropna=False)
+            ahead = values.drop(columns=first).rsub(values[first], axis=0).dropna(axis=1, how="all")
+            if len(ahead.columns):
+                best = str(ahead.mean().idxmin())
+                pairs = ahead[best].dropna()
+                found.append(Lead(str(mismatch), score, first, best, pairs.mean(), _interval(pairs), len(pairs)))
     return found
 
 
@@ -134,6 +131,7 @@ def _by_world(table: pd.DataFrame) -> pd.DataFrame:
     """Return the runs that ended well, each with the traffic and settings that it shares with those of others."""
     table = table[table["succeeded"].astype(bool)].copy()
     table["model"] = table["model"].fillna("")
+    table["name"] = (table["variant"] + " " + table["model"]).str.strip()
     world = [name for name in (NET, DENSITY, DEMAND, RECORDING, SEED) if name in table]
     # Scores of the traffic begin with the name of its settings.
     axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.")) or name in TRAFFIC_SETTINGS]
@@ -161,12 +159,19 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
         *markdown_table(HEADS, [_cells(cost) for cost in found]),
     ]
     if ahead:
-        heads = ("mismatch", "first", "best of the others", "HOTA ahead of it", "runs")
+        heads = ("mismatch", "score", "first", "best of the others", "ahead of it, points", "runs")
         rows = [
-            (each.mismatch, each.first, each.best_other, _points(each.hota_ahead, each.hota_ahead_ci95), str(each.runs))
-            for each in ahead
+            (
+                lead.mismatch,
+                lead.score,
+                lead.first,
+                lead.best_other,
+                _points(lead.ahead, lead.ahead_ci95),
+                str(lead.runs),
+            )
+            for lead in ahead
         ]
-        lines += ["", "The first tracker against the best of the others, paired run by run:", ""]
+        lines += ["", "The first tracker against the best of the others by each score, paired run by run:", ""]
         lines += markdown_table(heads, rows)
     if failures:
         lines += ["", "Failed:", "", *(f"- {line}" for line in failures)]
@@ -190,13 +195,8 @@ def _cells(cost: Cost) -> list[str]:
     ]
 
 
-def _mean(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else NAN
-
-
-def _interval(values: FloatArray, possible: Possible = ANY) -> tuple[float, float]:
-    known = values[np.isfinite(values)]
+def _interval(values: pd.Series[float], possible: Possible = ANY) -> tuple[float, float]:
+    known = np.asarray(values.dropna(), dtype=np.float64)
     interval = possible_ci(known, np.ones(len(known)), possible)
     return interval.low, interval.high
 

@@ -64,19 +64,19 @@ def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world(
     }
     rows = [
         {"variant": tracker, "model": None, "density": 20.0, "seed": seed, "mismatch": world, "succeeded": True}
-        | {"mot.hota": value, "traffic.flow_veh_per_h": value}
+        | {"mot.hota": value, "in_plain_view.worst_tenth": 100.0 - value, "traffic.flow_veh_per_h": value}
         for tracker, by_world in hota.items()
         for world, values in by_world.items()
         for seed, value in enumerate(values)
     ]
-    usual, posts = leads(pd.DataFrame(rows))
+    usual, posts, in_view, _ = leads(pd.DataFrame(rows))
     assert (usual.mismatch, usual.first, usual.best_other, usual.runs) == (AS_IS, "first", "second", 2)
-    assert (usual.hota_ahead, posts.hota_ahead) == (7.0, -7.0)
+    assert (usual.ahead, posts.ahead, posts.best_other) == (7.0, -7.0, "second")
     # Differences of 10 and 4: 12.706 standard errors of 3 to either side.
-    assert usual.hota_ahead_ci95 == pytest.approx((7.0 - 12.706 * 3.0, 7.0 + 12.706 * 3.0), abs=1e-2)
-    assert posts.best_other == "second"
+    assert usual.ahead_ci95 == pytest.approx((7.0 - 12.706 * 3.0, 7.0 + 12.706 * 3.0), abs=1e-2)
+    assert (in_view.score, in_view.best_other, in_view.ahead) == ("worst tenth", "third", -7.5)
     page = costs_markdown(costs(pd.DataFrame(rows)), [], [usual])
-    assert "| as is | first | second | 7.0 [-31.1, 45.1] | 2 |" in page
+    assert "| as is | HOTA | first | second | 7.0 [-31.1, 45.1] | 2 |" in page
     assert leads(pd.DataFrame(rows[:4])) == []
 
 
