@@ -15,7 +15,6 @@ from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray
-from mmpf.numerics.threads import one_blas_thread
 from mmpf.options.filter import FilterOptions, UpdateName
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.scan import Scan, SensorModel, check_scan
@@ -87,7 +86,6 @@ class MixtureTracker:
         """What was learned of how well the sensor sees at each distance."""
         return self._rule.reach
 
-    @one_blas_thread()
     def step(self, scan: Scan) -> Tracks:
         """Take in one scan and return the confirmed and tentative tracks after it.
 

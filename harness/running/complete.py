@@ -8,7 +8,6 @@ import pandas as pd
 from harness.config.sensor import SensorSettings
 from harness.running.recorder import frame_of
 from harness.sensor.detector import states_of, view_of
-from harness.sensor.visibility import compile_kernels
 from harness.storage import run_folder as runfolder
 from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT, TABLES, VISIBILITY_STATES
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
@@ -93,7 +92,6 @@ def slope_of(rows: pd.DataFrame, column: str) -> FloatArray:
 
 def _observe(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> None:
     """Work out what the sensor could see of each vehicle, from the boxes."""
-    compile_kernels()
     fraction, in_range = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
     state = np.full(len(rows), OUT)
     names, covering = rows["vehicle_id"].to_numpy(dtype=object), np.full(len(rows), "", dtype=object)

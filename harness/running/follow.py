@@ -55,7 +55,7 @@ def follow(
         build_tracker: Called at the start of each episode.
     """
     keep_freed_memory()
-    # The filter's matrix products are small: a second BLAS thread costs more than it gives, far more on a busy machine.
+    # Matrix products of filters are small: a second BLAS thread costs more than it gives, far more on a busy machine.
     with threadpool_limits(limits=1, user_api="blas"):
         episodes = _EpisodeTrackers(snapshots, build_tracker, stream)
         asked = perf_counter()

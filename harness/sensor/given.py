@@ -16,7 +16,6 @@ from harness.sensor.detector import as_score, confused, data_sheet, own_shadows,
 from harness.sensor.noise import position_std
 from harness.sensor.observation import Observation
 from harness.sensor.scene import in_reach, sight_to
-from harness.sensor.visibility import compile_kernels
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
 from harness.truth.frame import Frame
 from harness.truth.recorded.detected.origin import NOTHING
@@ -44,10 +43,6 @@ class GivenDetections:
     settings: SensorSettings
     truth: DriveTruth
     scores: tuple[float, float] | None = None
-
-    def __post_init__(self) -> None:
-        """Compile what working out shadows needs."""
-        compile_kernels()
 
     def model(self, road: Road | None = None) -> SensorModel:
         """Return the data sheet; see ``data_sheet``."""

@@ -146,4 +146,4 @@ def local_speed(lon_m: FloatArray, lat_m: FloatArray, traffic: Traffic, range_m:
     if traffic.lat_m is not None:
         away += ((lat_m[:, None] - traffic.lat_m[None, :]) / range_m) ** 2
     weight = np.exp(-0.5 * away) + 1e-9
-    return np.asarray(weight @ traffic.speed_mps / weight.sum(axis=1))
+    return np.asarray((weight * traffic.speed_mps).sum(axis=1) / weight.sum(axis=1))

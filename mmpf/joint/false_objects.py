@@ -96,7 +96,7 @@ class FalseObjects:
             self,
             counted=self.counted + (ended + still).sum(axis=0),
             ended=self.ended + ended.sum(axis=(0, 2)),
-            lived_s=self.lived_s + were.T @ lived_s,
+            lived_s=self.lived_s + (were.T * lived_s).sum(axis=1),
         )
 
     def with_vehicles(

@@ -70,7 +70,7 @@ def vehicle_share(kinds: FloatArray) -> FloatArray:
 
 def mean_detectability(kinds: FloatArray) -> FloatArray:
     """Return each source's expected detectability, given that there is one, shape (m,)."""
-    return np.asarray(kinds.sum(axis=(1, 2)) @ DETECTABILITY)
+    return np.asarray((kinds.sum(axis=(1, 2)) * DETECTABILITY).sum(axis=1))
 
 
 def weighed(alive: FloatArray, sightings: Sightings) -> FloatArray:

@@ -148,7 +148,7 @@ class JointUpdate:
         sightings = sightings_of(
             prior, moments, occlusion, not_seen, claimed, hit_probability, known, situation, self.joint
         )
-        log_odds = (marginals.probability @ np.log(detections.odds)) / np.maximum(hit_probability, 1e-12)
+        log_odds = (marginals.probability * np.log(detections.odds)).sum(axis=1) / np.maximum(hit_probability, 1e-12)
         sources = replace(before.after_scan(was_hit, situation.dt_s, log_odds), missed=run)
         sources = kinds_after(
             sources, before, alive, ended, moments, sightings, known.false_objects, situation, self.options

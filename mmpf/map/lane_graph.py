@@ -342,21 +342,7 @@ def without_map() -> LaneGraph:
 
 def compile_kernels() -> None:
     """Compile what places vehicles on lanes, or load it: for processes that can't keep what they compile themselves."""
-    one, nowhere = np.ones(1), np.full(1, NOWHERE, dtype=np.int64)
-    ends, first = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0, 2], dtype=np.int64)
-    none, lane = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    graph = LaneGraph(
-        ("lane",),
-        ends,
-        first,
-        one,
-        one,
-        nowhere,
-        nowhere,
-        none,
-        np.zeros(2, dtype=np.int64),
-        np.zeros(1, dtype=np.bool_),
-    )
+    graph, one, lane = without_map(), np.ones(1), np.zeros(1, dtype=np.int64)
     graph.lanes_near(one, one)
     graph.on_lane(lane, one, one)
     graph.place(lane, one, one)

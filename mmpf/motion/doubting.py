@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
-from mmpf.motion.tries import log_prior_over_tried, rows_tried
+from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, step_in_place
 from mmpf.numerics.arrays import FloatArray
 
 DOUBT = -1
@@ -40,16 +39,6 @@ class Doubting:
         """The inner model's rows and one."""
         return self.inner.latent_size + 1
 
-    @property
-    def rows_tried(self) -> tuple[int, ...]:
-        """What the inner model says."""
-        return rows_tried(self.inner)
-
-    @property
-    def spreads_speed(self) -> bool:
-        """What the inner model says."""
-        return spreads_speed(self.inner)
-
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the inner model's latents, and doubts evenly from 0 to 1."""
         return np.vstack([self.inner.draw_latents(state, rng), rng.random((1, state.shape[1]))])
@@ -65,9 +54,3 @@ class Doubting:
         anew = ~surroundings.is_hidden & (change < -np.expm1(-dt_s * REDRAWN_PER_S))
         np.copyto(latents[DOUBT], drawn, where=anew)
         return moved
-
-    def log_prior_over_tried(
-        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
-    ) -> FloatArray:
-        """Return what the inner model says of weights; see ``TriesMore``."""
-        return log_prior_over_tried(self.inner, latents[:DOUBT], after[:DOUBT], surroundings, dt_s)

@@ -12,10 +12,9 @@ import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
-from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, spreads_speed, step_in_place
+from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, step_in_place
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from mmpf.motion.tries import log_prior_over_tried, rows_tried
 from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 from mmpf.numerics.kernels import kernel
@@ -95,16 +94,6 @@ class LaneFollowing:
     def latent_size(self) -> int:
         """The inner model's rows and four of guidance."""
         return self.inner.latent_size + GUIDANCE_SIZE
-
-    @property
-    def rows_tried(self) -> tuple[int, ...]:
-        """What the inner model says."""
-        return rows_tried(self.inner)
-
-    @property
-    def spreads_speed(self) -> bool:
-        """What the inner model says."""
-        return spreads_speed(self.inner)
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the inner model's latents, and for each particle one of the lanes beside it, near ones rather than far.
@@ -190,13 +179,6 @@ class LaneFollowing:
         gate = np.where(rethink < dt_s / GATE_S, gate, latents[GATE])
         latents[-GUIDANCE_SIZE:] = gate, lane, following, direction
         return moved
-
-    def log_prior_over_tried(
-        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
-    ) -> FloatArray:
-        """Return what the inner model says of weights; see ``TriesMore``."""
-        own, then = latents[:-GUIDANCE_SIZE], after[:-GUIDANCE_SIZE]
-        return log_prior_over_tried(self.inner, own, then, surroundings, dt_s)
 
     def _speed_allowed(self, lane: IntArray, following: IntArray, along: FloatArray) -> FloatArray:
         """Return how fast one may go, so as to have slowed down to the next lane's limit at its beginning, (n,)."""

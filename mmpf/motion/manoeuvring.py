@@ -20,7 +20,6 @@ from mmpf.motion.protocol import (
     MotionModel,
     Surroundings,
     propagate_by_rewriting,
-    spreads_speed,
     step_in_place,
     without_limits,
 )
@@ -67,11 +66,6 @@ class Manoeuvring:
     def rows_tried(self) -> tuple[int, ...]:
         """The inner model's, and whether it holds its acceleration."""
         return (*rows_tried(self.inner), self.latent_size - 1)
-
-    @property
-    def spreads_speed(self) -> bool:
-        """What the inner model says."""
-        return spreads_speed(self.inner)
 
     def without_limits(self) -> Manoeuvring:
         """Return the same around what the inner model says; see ``DrivesByLimits``."""

@@ -14,10 +14,9 @@ import numpy as np
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, TURNING_STD, LaneFollowing, turn_of
-from mmpf.motion.protocol import MotionModel, Surroundings, spreads_speed, without_limits
+from mmpf.motion.protocol import MotionModel, Surroundings, without_limits
 from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from mmpf.motion.tries import log_prior_over_tried, rows_tried
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
 from mmpf.scan import BodyHeadings
 
@@ -47,16 +46,6 @@ class OffMapMotion:
     def latent_size(self) -> int:
         """The inner model's rows and four of guidance."""
         return self.inner.latent_size + GUIDANCE_SIZE
-
-    @property
-    def rows_tried(self) -> tuple[int, ...]:
-        """What the inner model says."""
-        return rows_tried(self.inner)
-
-    @property
-    def spreads_speed(self) -> bool:
-        """What the inner model says."""
-        return spreads_speed(self.inner)
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the inner model's latents, and any direction."""
@@ -96,13 +85,6 @@ class OffMapMotion:
         after[:-GUIDANCE_SIZE] = carried
         after[HEADING] = wrapped(np.where(stands, latents[HEADING], heading + turn))
         return moved, after
-
-    def log_prior_over_tried(
-        self, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
-    ) -> FloatArray:
-        """Return what the inner model says of weights; see ``TriesMore``."""
-        own, then = latents[:-GUIDANCE_SIZE], after[:-GUIDANCE_SIZE]
-        return log_prior_over_tried(self.inner, own, then, surroundings, dt_s)
 
 
 def in_plane(motion: MotionModel, graph: LaneGraph) -> LaneFollowing | OffMapMotion:

@@ -219,6 +219,13 @@ def without_limits(motion: MotionModel) -> MotionModel:
     return motion.without_limits() if isinstance(motion, DrivesByLimits) else motion
 
 
+@runtime_checkable
+class BuildsOnAnother(Protocol):
+    """A motion model whose latents begin with those of another, to which it leaves what it does not say itself."""
+
+    inner: MotionModel
+
+
 def spreads_speed(motion: MotionModel) -> bool:
     """Return whether the model says that its own draws spread the longitudinal speed as widely as vehicles' speeds do.
 
@@ -227,7 +234,8 @@ def spreads_speed(motion: MotionModel) -> bool:
     apart as well (``ModelErrorOptions.speed`` in ``mmpf.options.filter``). A model that does not say so is taken to be
     too sure of the speed. What it is called plays no part.
     """
-    return bool(getattr(motion, "spreads_speed", False))
+    inner = motion.inner if isinstance(motion, BuildsOnAnother) else None
+    return bool(getattr(motion, "spreads_speed", inner is not None and spreads_speed(inner)))
 
 
 def checked_step(

@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from mmpf.motion.protocol import MotionModel, Surroundings
+from mmpf.motion.protocol import BuildsOnAnother, MotionModel, Surroundings
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
 SMALLEST, MOST_WAYS = 1e-12, 2
@@ -47,8 +47,9 @@ def rows_tried(motion: MotionModel) -> tuple[int, ...]:
 
     A model may name them by an attribute ``rows_tried``: the others are not kept when it rewrites the latents.
     """
-    rows = getattr(motion, "rows_tried", range(motion.latent_size))
-    return tuple(rows) if isinstance(motion, TriesMore) else ()
+    if isinstance(motion, TriesMore):
+        return tuple(getattr(motion, "rows_tried", range(motion.latent_size)))
+    return rows_tried(motion.inner) if isinstance(motion, BuildsOnAnother) else ()
 
 
 def log_prior_over_tried(
@@ -57,6 +58,9 @@ def log_prior_over_tried(
     """Return what a motion model says of its particles' weights: zeros if it draws from its prior, shape (n,)."""
     if isinstance(motion, TriesMore):
         return motion.log_prior_over_tried(latents, after, surroundings, dt_s)
+    if isinstance(motion, BuildsOnAnother):
+        own = motion.inner.latent_size
+        return log_prior_over_tried(motion.inner, latents[:own], after[:own], surroundings, dt_s)
     return np.zeros(latents.shape[1])
 
 

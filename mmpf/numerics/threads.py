@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import cache
-
-from threadpoolctl import ThreadpoolController
 
 VARIABLE = "MMPF_THREADS"
 MOST_THREADS = 4
@@ -50,23 +47,6 @@ def threads() -> int:
         warnings.warn(f"{VARIABLE}={text} is not a number from 1 to {MOST_THREADS}; one thread is used", stacklevel=2)
         return 1
     return min(int(text), MOST_THREADS)
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Restrict linear algebra libraries to one thread while the block runs.
-
-    The filter's matrix products are small: a second thread costs more than it gives, and where other processes hold the
-    cores each product waits for it.
-    """
-    with _libraries().limit(limits=1, user_api="blas"):
-        yield
-
-
-@cache
-def _libraries() -> ThreadpoolController:
-    """Return the libraries of the filter's products; looked up once because that takes longer than a product."""
-    return ThreadpoolController()
 
 
 @cache

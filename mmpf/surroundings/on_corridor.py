@@ -100,4 +100,4 @@ def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray, options: Fl
     np.fill_diagonal(weight, 0.0)
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(total > 1e-3, weight @ mean[SPEED] / total, np.nan)
+        return np.where(total > 1e-3, (weight * mean[SPEED]).sum(axis=1) / total, np.nan)

@@ -297,4 +297,4 @@ def _flow_speeds(moments: Moments, counts: BoolArray, options: FlowOptions) -> F
     np.fill_diagonal(weight, 0.0)
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(total > 1e-3, weight @ mean[SPEED] / total, np.nan)
+        return np.where(total > 1e-3, (weight * mean[SPEED]).sum(axis=1) / total, np.nan)

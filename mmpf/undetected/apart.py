@@ -58,7 +58,7 @@ class Apart:
         there = self._there
         speeds = self._speed_mps[there]
         weight = np.exp(-np.hypot(self.along_m[:, there], 3.0 * self.across_m[:, there]) / length_m)
-        return np.asarray(np.maximum(weight @ speeds, 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
+        return np.asarray(np.maximum((weight * speeds).sum(axis=1), 0.0) / np.maximum(weight.sum(axis=1), 1e-12))
 
     @property
     def _speed_mps(self) -> FloatArray:

@@ -217,7 +217,7 @@ class UnseenTraffic:
         std = np.maximum(np.hypot(lost.std_lon_m, 0.5 * cells.length_m[:, None]), 1e-3)
         density = np.exp(-0.5 * (along / std) ** 2) / (np.sqrt(2.0 * np.pi) * std)
         density *= np.abs(across) < BESIDE_LANE_M
-        gained = (density * cells.length_m[:, None]) @ lost.existence / self._density_per_m
+        gained = (density * cells.length_m[:, None] * lost.existence).sum(axis=1) / self._density_per_m
         self._field_m[:, near] += self._by_run * gained
 
     def _overlooked(self, cells: LaneCells, apart: Apart, plane: SensorPlane, reach: Reach | None) -> FloatArray:

@@ -10,10 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ITS_OWN = (
-    "mmpf numpy scipy numba llvmlite threadpoolctl pydantic pydantic_core annotated_types typing_extensions "
-    "typing_inspection"
-)
+ITS_OWN = "mmpf numpy scipy numba llvmlite pydantic pydantic_core annotated_types typing_extensions typing_inspection"
 """The packages that ``mmpf/pyproject.toml`` names, and what these need."""
 SCRIPT = f"""
 import sys

@@ -20,7 +20,7 @@ from scipy.stats import rankdata
 
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
-from harness.sensor.visibility import compile_kernels, visible_fractions
+from harness.sensor.visibility import visible_fractions
 from harness.truth.recorded.detected.av2 import ANNOTATIONS, RECORDING_CAR, VEHICLES, WITH_EGO, argoverse_logs
 from harness.truth.recorded.logs import heading_of
 from mmpf.numerics.arrays import BoolArray, FloatArray, turned, wrapped
@@ -112,7 +112,6 @@ def _of_log(log: Path) -> Iterator[FloatArray]:
 
 def main(logs: Path) -> str:
     """Return the table of areas by distance, as Markdown."""
-    compile_kernels()
     found = argoverse_logs(logs)
     if not found:
         raise InputError(f"{logs} holds no logs of Argoverse 2; give a folder of them")
