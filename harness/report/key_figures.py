@@ -19,7 +19,7 @@ from mmpf.numerics.arrays import FloatArray, turned
 
 HEADINGS = ("", "this run", "perfect", "to compare with")
 HIDDEN_ERROR, SAME_TRACK, PLAIN_VIEW, HOTA = (
-    "Position error of hidden vehicles",
+    "Error of hidden vehicles, 10 m if lost",
     "Same track after an occlusion",
     "Vehicles in plain view with a track",
     "HOTA of vehicles in sight",
@@ -81,14 +81,14 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
     plain, noise = metrics.get("in_plain_view") or {}, metrics.get("detection_noise") or {}
     occlusion, step_ms = metrics["occlusion"], metrics["timing"]["tracker_ms"]
     events, kept = occlusion["events"] or 0, occlusion["same_id"] or 0
-    coasting = f"{coasting_m.mean():.2f} m by constant velocity from the true last state" if len(coasting_m) else ""
+    coasting = f"{coasting_m.mean():.2f} m: constant velocity from the truth when last seen" if len(coasting_m) else ""
     coverage = metrics["calibration"]
     samples = coverage.get("n") or 0
     within = number(coverage["coverage95"]["lon"], 0, " %")
     sensor = f"{np.hypot(noise['lon_m'], noise['lat_m']):.2f} m: detections" if noise.get("n") else ""
     return [
         (
-            HIDDEN_ERROR, "all that were seen before; 10 m where no track follows",
+            HIDDEN_ERROR, "mean over all that were seen before",
             number(hidden.get("hidden_cost_m"), 2, " m"), _between(hidden.get("hidden_cost_m_ci95"), " m"), "0 m",
             coasting,
         ),
@@ -98,7 +98,7 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
             _share(kept, events) if events >= FEWEST_EVENTS else f"too few samples, n = {events}", "all", "",
         ),
         (
-            "False tracks out of sight", "mean number of tracks that follow no vehicle",
+            "False tracks out of sight", "tracks that follow no vehicle, mean number at a time",
             number(hidden.get("false_hidden_tracks_per_scan"), 2), "", "0", "",
         ),
         (
@@ -110,7 +110,7 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
             number(mae["visible"].get("position_m"), 2, " m"), _between(mae["visible"].get("position_m_ci95"), " m"),
             "0 m", sensor,
         ),
-        (HOTA, "finds, and keeps identities", number(mot["hota"], 1, " %"), "", "100 %", ""),
+        (HOTA, "detection and identity in one score", number(mot["hota"], 1, " %"), "", "100 %", ""),
         (
             "Identity switches in sight", "a vehicle's track is replaced by another", number(mot["id_switches"], 0),
             f"{number(mot.get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute", "0", "",
@@ -118,7 +118,7 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
         (
             "True position within the track's 95 % interval", "along the road, all vehicles",
             within if samples >= FEWEST_SAMPLES else f"too few samples, n = {samples}", "", "95 %",
-            "below: the tracker is too sure",
+            "lower: too sure; higher: too unsure",
         ),
         (
             "Computing time of a step", "median, on the machine named below", number(step_ms["p50"], 0, " ms"),

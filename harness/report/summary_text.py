@@ -120,10 +120,10 @@ def _trust(metrics: Metrics) -> str:
             parts.append(f"too few samples of {name} (n = {scores['n']})")
             continue
         verdict = "about right"
-        if share < least:
-            verdict = "the tracker is surer than it should be"
-        elif share > most:
-            verdict = "the tracker is less sure than it could be"
+        if round(share) < least:
+            verdict = "the tracker is too sure"
+        elif round(share) > most:
+            verdict = "the tracker is too unsure"
         parts.append(f"{share:.0f} % for {name} ({verdict})")
     return f"The true position was within the tracks' 95 % intervals: {', '.join(parts)}." if parts else ""
 
@@ -146,7 +146,7 @@ def _decisions(metrics: Metrics) -> str:
     )
     return (
         f"On {decisions['km']:.2f} km, a driver who relied on these tracks {missed}, and had "
-        f"{_none(decisions['phantom'], 'false braking')}."
+        f"{_none(decisions['phantom'], 'phantom braking')}."
     )
 
 
@@ -159,16 +159,16 @@ def decision_summary(metrics: Metrics) -> str:
     fates = [f"{count} {WHY_MISSED[fate]}" for fate, count in decisions["missed_by"].items() if count]
     missed = _none(decisions["missed"], "braking") + (f" ({', '.join(fates)})" if fates else "")
     ghosts = decisions["phantom_by"]["ghost"]
-    phantom = _none(decisions["phantom"], "false braking")
+    phantom = _none(decisions["phantom"], "phantom braking")
     phantom += f" ({ghosts} for a track that follows no vehicle)" if ghosts else ""
     late = decisions["lateness_s"]
-    starts = f"In {_none(decisions['onsets'], 'case')} in which it had to brake it would have begun"
+    starts = f"In {_none(decisions['onsets'], 'case')} in which it had to brake, it would have begun"
     lateness = "" if late is None else f" {starts} {late:.1f} s late on average."
     return (
-        f"At each step a driver model ({driver}) in the ego's place says how hard it would brake, once by the truth "
-        "and once by the tracks. This does not change how the ego drives. On "
-        f"{decisions['km']:.2f} km the tracks cause {missed} to be missed and {phantom}. Such a braking lasts half a "
-        "second or longer: one of the two demands -2 m/s² or less, the other more than -1 m/s². The demands differ by "
+        f"At each step, a driver model ({driver}) chooses the ego's acceleration, once from the truth and once from "
+        f"the tracks. The ego does not follow it. On {decisions['km']:.2f} km, this driver missed {missed}, and had "
+        f"{phantom}. Missed: for half a second or longer, it chooses -2 m/s² or less from the truth, and more than -1 "
+        "m/s² from the tracks. Phantom: the reverse. The two accelerations differ by "
         f"{decisions['accel_difference_mps2']:.2f} m/s² on average.{lateness}"
     )
 

@@ -18,7 +18,7 @@ MOST_ROWS = 300
 HIDDEN = "hidden"
 HEADINGS = (
     "vehicle", "seen s", "hidden s", "followed in sight %", "error in sight m", "own track while hidden %",
-    "error hidden m", "hidden cost by identity m", "tracks lost or taken",
+    "error hidden m", "hidden cost by identity m", "lost when seen again",
 )  # fmt: skip
 
 

@@ -211,7 +211,7 @@ def test_the_page_leads_from_a_decision_to_the_replay(driven):
     section = page[page.index('<section id="decisions"') :]
     buttons = re.findall(r'data-vehicle="(\w+)" data-time="([\d.]+)" data-until="([\d.]+)"', section)
     assert buttons == [("far", "2.0", "4.4"), ("ego", "2.0", "4.4")]
-    assert "says how hard it would brake" in section
+    assert "once from the truth and once from the tracks" in section
 
 
 def test_the_replay_plots_what_the_driver_demands(driven):
@@ -234,8 +234,8 @@ def test_a_broken_table_of_brakings_is_refused_in_one_line(driven, change):
 def test_the_summary_is_told_without_what_was_not_measured(driven):
     metrics = json.loads((driven / runfolder.METRICS).read_text())
     metrics["decisions"] |= {"missed": 1, "phantom": 0, "lateness_s": 0.4, "onsets": 3}
-    assert "cause 1 braking to be missed and no false brakings" in decision_summary(metrics)
-    assert "In 3 cases in which it had to brake it would have begun 0.4 s late" in decision_summary(metrics)
+    assert "missed 1 braking, and had no phantom brakings" in decision_summary(metrics)
+    assert "In 3 cases in which it had to brake, it would have begun 0.4 s late" in decision_summary(metrics)
     metrics["decisions"] |= {"lateness_s": None, "onsets": 0}
     assert "late" not in decision_summary(metrics)
     assert not decision_summary({"run": {}})

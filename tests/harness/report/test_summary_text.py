@@ -36,8 +36,8 @@ def test_the_summary_counts_what_became_of_the_hidden_vehicles_and_judges_no_han
 @pytest.mark.parametrize(
     ("in_view", "hidden", "words"),
     [
-        (95.0, 80.0, "95 % for visible vehicles (about right), 80 % for hidden ones (the tracker is surer"),
-        (99.0, 95.0, "99 % for visible vehicles (the tracker is less sure than it could be)"),
+        (95.0, 80.0, "95 % for visible vehicles (about right), 80 % for hidden ones (the tracker is too sure"),
+        (99.0, 95.0, "99 % for visible vehicles (the tracker is too unsure)"),
         (95.0, None, "95 % for visible vehicles (about right)."),
     ],
 )
@@ -73,10 +73,10 @@ def test_key_figures_bear_the_metrics_numbers_and_intervals(run):
     run.metrics["hidden"] |= {"hidden_cost_m": 3.219, "hidden_cost_m_ci95": [2.402, 4.056]}
     rows = key_rows(run)
     table = str(key_figures(rows))
-    assert first_figures(rows)[0][:2] == ("Position error of hidden vehicles", "3.22 m")
+    assert first_figures(rows)[0][:2] == ("Error of hidden vehicles, 10 m if lost", "3.22 m")
     assert "3.22 m<br><span class='interval-cell'>2.40 to 4.06 m" in table
     assert "too few samples, n = 1" in table
-    assert "m by constant velocity" in table
+    assert "m: constant velocity" in table
 
 
 def test_what_was_not_scored_is_left_out(run):
