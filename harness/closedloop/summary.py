@@ -73,7 +73,7 @@ def scores(table: pd.DataFrame) -> list[Score]:
 def as_markdown(title: str, found: Sequence[Score], table: pd.DataFrame, failures: Sequence[str]) -> str:
     """Return the tables: means with intervals, what is in excess of the truth's, and the collisions."""
     explanation = [EXPLANATION, *(text for kind, text in EXPLANATIONS.items() if kind in set(table[KIND]))]
-    lines = [f"# {title}", "", QUESTION, "", *_about(table), "", *_answers(found), ""]
+    lines = [f"# {title}", "", *_answers(found), "", QUESTION, "", *_about(table), ""]
     for name in dict.fromkeys(score.episodes for score in found):
         part = [score for score in found if score.episodes == name]
         lines += [f"## {_heading(name, part)}", "", *_table(part), ""]
@@ -84,18 +84,17 @@ def as_markdown(title: str, found: Sequence[Score], table: pd.DataFrame, failure
 
 
 QUESTION = (
-    "The ego's driver perceives the true vehicles (`truth`), the detections alone, or the tracks of one tracker, and "
-    "drives by that. Every perception gets the same episodes. *Minus truth* is the mean difference from driving by the "
-    "truth in the same episodes."
+    "The ego's driver perceives the true vehicles (`truth`), the detections alone, or the tracks of one tracker. All "
+    "drive the same episodes. *Minus truth* is the mean difference from driving with the truth in the same episodes."
 )
 EXPLANATION = (
-    "Means over episodes with 95 % intervals over seeds, two episodes a seed. No interval is shown where there are too "
-    "few seeds for one. Everything is measured by the truth until the episode ends: after 20 s, with a collision, or "
-    "at the end of the road. In a *missed* braking the truth demands -2 m/s² or less for half a second or longer, and "
-    "the perception demands more than -1 m/s². In a *phantom* braking it is the reverse. If a vehicle right ahead in "
-    "plain view has no track, a braking is also missed if the perception brakes at least 1 m/s² less, or does not "
-    "brake with a time to collision below 4 s, for half of a second out of one. Impact speed is the mean over "
-    "collisions."
+    "Means over episodes, with 95 % intervals over seeds where there are enough seeds; a seed has two episodes. All is "
+    "measured in the true traffic until the episode ends: after 20 s, at a collision, or at the end of the road. "
+    "*Missed* braking: for half a second or longer, the driver would choose -2 m/s² or less with the truth, and "
+    "chooses more than -1 m/s² with its perception. *Phantom* braking: the reverse. For a vehicle right ahead in plain "
+    "view without a track, a braking is also missed if, for half a second within one second, the driver brakes at "
+    "least 1 m/s² less than with the truth, or does not brake at a time to collision below 4 s. Impact speed is the "
+    "mean over collisions."
 )
 OF_CROSSINGS = (
     "In episodes *cross* the ego comes up to a place where it must let a hidden car pass. *Yielded* says whether it "
@@ -181,7 +180,7 @@ def _about(table: pd.DataFrame) -> list[str]:
         looked = column_of(episodes, "episode.looked_through")
         line = f"{len(episodes) - none} *{kind}*"
         if kind != FREE:
-            line += f", found among {int(np.nansum(looked))} cars that were looked through"
+            line += f" (cars examined as ego: {int(np.nansum(looked))})"
             line += f"; {none} more have no candidate" if none else ""
         lines.append(line)
     return [f"Episodes: {'; '.join(lines)}."]
@@ -222,7 +221,7 @@ def _table(part: Sequence[Score]) -> list[str]:
         excesses = [_cell(own[belief].excess, own[belief].excess_ci95, quantity.decimals, "+") for belief in others]
         rows.append([quantity.label, *means, *excesses])
     headings = [*beliefs, *(f"{belief} minus truth" for belief in others)]
-    return markdown_table(["measured by the truth", *headings], rows)
+    return markdown_table(["in the true traffic", *headings], rows)
 
 
 def _cell(value: float | None, ci95: tuple[float, float] | None, decimals: int, sign: str) -> str:
