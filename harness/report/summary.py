@@ -27,6 +27,8 @@ REPORTED = (
     *("motion.visible.jerk_mps3", "motion.hidden.jerk_mps3", "motion.visible.jump_m", "motion.hidden.jump_m"),
     *("manoeuvre", "decisions", "hidden_by", "unseen_turns", "pseudo_occlusion", "never_seen.log_skill_percent"),
 )
+PRINTED = ("hidden", "pseudo_occlusion", "decisions.missed_per_km", "decisions.phantom_per_km")
+"""What the terminal shows of these; the page shows all."""
 IN_WORDS = {"mot.id_switches": {"label": "identity switches in sight", "decimals": 0}}
 
 
@@ -45,10 +47,10 @@ def mot_value(metrics: Mapping[str, Any], vehicles: str, column: Quantity) -> fl
     return value
 
 
-def other_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
-    """Return name and value of every other score that is shown."""
+def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -> list[list[str]]:
+    """Return name and value of the other scores of a list."""
     shown = {quantity.key for quantity in mot_columns()}
-    others = [(quantity, quantity.of(metrics)) for quantity in _reported() if quantity.key not in shown]
+    others = [(quantity, quantity.of(metrics)) for quantity in view(listed, IN_WORDS) if quantity.key not in shown]
     return [
         [quantity.label, number(value, quantity.decimals)]
         for quantity, value in others
@@ -136,8 +138,8 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"{number(timing['total_s'], 1)} s in all, with loading, warm-up, scoring and drawing"
     )
     plain = _plain_view(metrics.get("in_plain_view") or {})
-    others = (": ".join(score) for score in other_scores(metrics))
-    return Text("\n".join((*plain, events, *others, road, speed)))
+    others = (": ".join(score) for score in other_scores(metrics, PRINTED))
+    return Text("\n".join((*plain, events, *others, "What scores mean: docs/explanation/scores.md", road, speed)))
 
 
 def _plain_view(scores: Mapping[str, Any]) -> list[str]:
