@@ -148,8 +148,9 @@ def _simulated(config: RunConfig, simulate: Simulate) -> SnapshotStream:
     reach_m = max(REACH_M, sensor.model().range_m + BEYOND_RANGE_M)
     truth = simulate(network, traffic, config.seed, reach_m)
     left_out = network.sumo_inputs.left_out if network.sumo_inputs is not None else ()
-    report = f"left out of {network.name}: {', '.join(left_out)}" if left_out else ""
-    return replace(observe_traffic(truth, sensor, config.seed), files=_network_files(network), report=report)
+    told = [f"left out of {network.name}: {', '.join(left_out)}"] * bool(left_out)
+    told += [f"unusual in {network.name}: {'; '.join(network.unusual[:3])}"] * bool(network.unusual)
+    return replace(observe_traffic(truth, sensor, config.seed), files=_network_files(network), report="; ".join(told))
 
 
 def _sensor(config: RunConfig) -> Sensor:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
+import tomllib
 import zlib
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
 import numpy as np
@@ -15,45 +18,25 @@ from harness.common.untrusted_files import number, number_or_nan, require_file, 
 from harness.truth.network.lanegraph import ROAD_VEHICLES
 from harness.truth.network.polyline import doubles_back, length_of
 
-# Lanes of one edge share a length, so that a short or bent one is not as long as it says.
-ROUGH_M = 20.0
-# Smallest and largest plausible value of each attribute that is a number. The 290 types, 113 000 lanes and 1 400 phases
-# of three public collections of SUMO scenarios lie within.
-LANE = {"speed": (1e-3, 120.0), "length": (1e-3, 1e6), "width": (0.1, 50.0), "index": (0.0, 1e3)}
-ROAD_WIDTH_M = Numbers(1.0, 8.0)
-"""Of a lane that road vehicles may use."""
-TYPE = {
-    "length": (0.1, 60.0), "width": (0.1, 4.5), "height": (0.1, 6.0), "mass": (1.0, 5e5), "minGap": (0.0, 10.0),
-    "tau": (0.1, 5.0), "accel": (0.1, 15.0), "decel": (0.1, 15.0), "emergencyDecel": (0.1, 20.0), "sigma": (0.0, 1.0),
-    "maxSpeed": (0.2, 120.0), "speedFactor": (0.1, 3.0), "speedDev": (0.0, 0.5), "actionStepLength": (-1.0, 3.0),
-    "probability": (0.0, 1e9), "impatience": (-1e3, 1.0), "minGapLat": (0.0, 3.0), "maxSpeedLat": (0.0, 5.0),
-    "lcPushy": (0.0, 1.0), "lcCooperative": (-1.0, 1.0), "jmIgnoreFoeProb": (0.0, 1.0), "startupDelay": (0.0, 60.0),
-}  # fmt: skip
-LONGEST_M = {"pedestrian": 2.0, "bicycle": 4.0, "moped": 4.0, "motorcycle": 4.0}
-"""Longest body of small classes; a type without a class is SUMO's passenger car, as buses are too in some files."""
-OF_TYPE = Numbers(-1e6, 1e6)
-"""Of all other numbers that describe a vehicle and its driver."""
-FLOW = {
-    "number": (0.0, 1e6), "vehsPerHour": (0.0, 1e5), "perHour": (0.0, 1e5), "probability": (0.0, 1.0),
-    "begin": (0.0, 1e9), "end": (0.0, 1e9), "depart": (0.0, 1e9), "departSpeed": (0.0, 120.0),
-    "arrivalSpeed": (0.0, 120.0), "departPos": (-1e6, 1e6), "arrivalPos": (-1e6, 1e6), "departLane": (0.0, 1e3),
-    "arrivalLane": (0.0, 1e3), "departPosLat": (-200.0, 200.0), "arrivalPosLat": (-200.0, 200.0),
-}  # fmt: skip
-PHASE = {"duration": (0.0, 86_400.0)}
+# By which a lane may be longer than drawn, or is usually (lanes of an edge share a length), or end off what follows.
+AS_DRAWN, USUALLY_DRAWN, MEETING_M = (0.5, 20.0), (0.1, 2.0), 2.0
+Range = tuple[float, float, float, float]
+"""Below the first and above the last number nothing is possible; below the second and above the third it is unusual."""
+PLAUSIBLE: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("plausible.toml").read_text("utf-8"))
 BEGINS_NUMBER = re.compile(r"\s*((nan|inf|infinity)\s*$|[-+.0-9](?!.*:))", re.IGNORECASE)
 """What a word that means a number begins with; a time of day is none."""
-RED = set("ru")
-"""Letters of a signal at which vehicles wait: red, and red with amber."""
-OF_TAGS = {"lane": LANE, "vType": TYPE, "flow": FLOW, "vehicle": FLOW, "trip": FLOW, "phase": PHASE}
-LIMITS = {tag: {name: Numbers(*ends) for name, ends in table.items()} for tag, table in OF_TAGS.items()}
+RED = set("ru")  # at which vehicles wait: red, and red with amber
 
 
-def check_xml(path: Path, names_no_place: bool = False) -> None:
+def check_xml(path: Path, names_no_place: bool = False) -> list[str]:
     """Go through an XML file of a network: lanes, vehicle types and flows that no road and no driver has.
 
     Args:
         path: The file.
         names_no_place: Whether it may not lead out of its folder, where the kernel can't keep SUMO from writing there.
+
+    Returns:
+        Of each value that is possible but unusual, what it is and what is usual.
 
     Raises:
         InputError: It is not well-formed, holds a value beyond what a road or vehicle can have, or its edges and
@@ -63,6 +46,7 @@ def check_xml(path: Path, names_no_place: bool = False) -> None:
     root: Element | None = None
     ends: dict[str, tuple[str, str]] = {}
     letters: set[str] = set()
+    unusual: list[str] = []
     try:
         with unpacked(path) as file:
             for event, element in iterparse(file, events=("start", "end")):
@@ -71,13 +55,14 @@ def check_xml(path: Path, names_no_place: bool = False) -> None:
                     continue
                 if names_no_place:
                     _check_names_no_place(element, path)
-                _check_element(element, path)
+                unusual += _check_element(element, path)
                 _check_way_through(element, ends, letters, path)
                 element.clear()
                 if len(root) > 1000:
                     root.clear()
     except (ParseError, UnicodeDecodeError, OSError, EOFError, ValueError, zlib.error) as error:
         raise InputError(f"{path}: not well-formed XML: {error}") from None
+    return unusual
 
 
 def _check_names_no_place(element: Element, path: Path) -> None:
@@ -87,12 +72,18 @@ def _check_names_no_place(element: Element, path: Path) -> None:
 
 
 def _check_way_through(element: Element, ends: dict[str, tuple[str, str]], letters: set[str], path: Path) -> None:
-    """Check an element against earlier ones: where the edges end, and the letters of the present plan of signals."""
+    """Check an element against earlier ones: where edges and lanes end, and the letters of the present plan."""
     start, end, name = (element.get(key, "") for key in ("from", "to", "id"))
     if element.tag == "edge" and not element.get("function"):
         ends[name] = start, end
-    elif element.tag == "connection" and {start, end} <= ends.keys() and ends[start][1] != ends[end][0]:
-        raise InputError(f"{path}: connection from {start[:60]} to {end[:60]}: they do not meet: fix or remove it")
+    elif element.tag == "lane" and _is_for_roads(element) and (points := element.get("shape", "").split()):
+        ends[name] = points[0], points[-1]
+    elif element.tag == "connection":
+        lane, via = ends.get(f"{start}_{element.get('fromLane')}"), ends.get(element.get("via", ""))
+        apart = {start, end} <= ends.keys() and ends[start][1] != ends[end][0]
+        places = [[float(word) for word in point.split(",")[:2]] for point in (lane[1], via[0])] if lane and via else ()
+        if apart or (places and math.dist(*places) > MEETING_M):
+            raise InputError(f"{path}: connection from {start[:60]} to {end[:60]}: they do not meet: fix or remove it")
     elif element.tag == "phase":
         letters |= set(element.get("state", ""))
     elif element.tag == "tlLogic":
@@ -101,18 +92,43 @@ def _check_way_through(element: Element, ends: dict[str, tuple[str, str]], lette
         letters.clear()
 
 
-def _check_element(element: Element, path: Path) -> None:
-    allowed = LIMITS.get(element.tag, {})
+def _check_element(element: Element, path: Path) -> list[str]:
+    """Refuse an element that is not possible, and return what is unusual about it."""
+    ranges, who = _ranges_of(element), f"{element.tag} {element.get('id', '?')[:60]}"
+    given = {name: values for name in ranges if (values := _numbers(element.get(name, "")))}
+    check_numbers(path, given, {name: Numbers(ends[0], ends[3]) for name, ends in ranges.items() if name in given}, who)
+    told = [
+        f"{name} of {who} is {value:g}, {least:g} to {most:g} is usual"
+        for name, values in given.items()
+        for _, least, most, _ in [ranges[name]]
+        for value in values
+        if not least <= value <= most
+    ]
     if element.tag == "vType":
-        longest_m = LONGEST_M.get(element.get("vClass", ""), allowed["length"].most)
-        allowed = dict.fromkeys(set(element.keys()) - {"id"}, OF_TYPE) | allowed | {"length": Numbers(0.1, longest_m)}
-    elif element.tag == "lane" and _is_for_roads(element):
-        allowed = allowed | {"width": ROAD_WIDTH_M}
-    given = {name: values for name in allowed if (values := _numbers(element.get(name, "")))}
-    check_numbers(path, given, allowed, f"{element.tag} {element.get('id', '?')[:60]}")
+        _check_type(element, path, who)
     for text in filter(None, map(element.get, ("shape", "pos"))):
         if element.tag in ("lane", "edge", "junction"):
-            _check_shape(text, element, path)
+            told += _check_shape(text, element, path, who)
+    return told
+
+
+def _ranges_of(element: Element) -> dict[str, Range]:
+    tag = {"vehicle": "flow", "trip": "flow"}.get(element.tag, element.tag)
+    ranges: dict[str, Range] = PLAUSIBLE[tag] if tag in ("lane", "vType", "flow", "phase") else {}
+    if tag == "vType":
+        kind = PLAUSIBLE["class_like"].get(element.get("vClass", ""), element.get("vClass", ""))
+        ranges = ranges | PLAUSIBLE["class"].get(kind, {})
+        return dict.fromkeys(set(element.keys()) - {"id"} - ranges.keys(), PLAUSIBLE["vType_other"]["any"]) | ranges
+    return ranges | PLAUSIBLE["lane_of_roads"] if tag == "lane" and _is_for_roads(element) else ranges
+
+
+def _check_type(element: Element, path: Path, who: str) -> None:
+    numbers = {name: _numbers(element.get(name, "")) for name in set(element.keys()) & PLAUSIBLE["vType"].keys()}
+    if worded := sorted(name for name, values in numbers.items() if not values):
+        raise InputError(f"{path}: {worded[0]} of {who} is {element.get(worded[0], '')[:40]!r}: give a number")
+    hardest, usual = (max(numbers.get(name, [0.0])) for name in ("emergencyDecel", "decel"))
+    if 0.0 < hardest < usual:
+        raise InputError(f"{path}: emergencyDecel of {who} is {hardest:g}, below its decel of {usual:g}: raise it")
 
 
 def _is_for_roads(lane: Element) -> bool:
@@ -127,17 +143,21 @@ def _numbers(text: str) -> list[float]:
     return [number_or_nan(word) for word in spoken if BEGINS_NUMBER.match(word)]
 
 
-def _check_shape(text: str, element: Element, path: Path) -> None:
-    who = f"{element.tag} {element.get('id', '?')[:60]}"
+def _check_shape(text: str, element: Element, path: Path, who: str) -> list[str]:
     try:
         points = [[number(word) for word in point.split(",")] for point in text.split()]
         PLACE_M.check("the shape", [value for point in points for value in point], who)
         if element.tag != "lane" or not _is_for_roads(element):
-            return  # that of a pavement may be its outline
+            return []  # that of a pavement may be its outline
         line = np.array([point[:2] for point in points])
         if doubles_back(line):
             raise ValueError("it doubles back")
+        drawn_m = length_of(line)
         for stated_m in _numbers(element.get("length", "")):
-            Numbers(0.5 * stated_m - ROUGH_M, 1.5 * stated_m + ROUGH_M).check("its length", length_of(line))
+            most_m, usual_m = (share * stated_m + rough_m for share, rough_m in (AS_DRAWN, USUALLY_DRAWN))
+            Numbers(stated_m - most_m, stated_m + most_m).check("its length", drawn_m)
+            if abs(drawn_m - stated_m) > usual_m:
+                return [f"{who} is drawn {drawn_m:.4g} m long and said to be {stated_m:g} m"]
     except ValueError as error:
         raise InputError(f"{path}: the shape of {who} is no list of points: {error}") from None
+    return []

@@ -58,6 +58,7 @@ class Network:
         default_demand: The demand that is driven where the user asks for none; none where that is a density.
         sumo_inputs: What of that configuration is driven, or what a network in the plane brings; none of one with a
             main road.
+        unusual: What in its files is possible but unusual, a clause each.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Network:
     measured_file: Path | None = None
     configuration: Path | None = None
     sumo_inputs: SumoInputs | None = None
+    unusual: tuple[str, ...] = ()
 
     @property
     def layout(self) -> Corridor | PlaneNetwork:
@@ -233,8 +235,7 @@ def _from_elsewhere(path: Path, name: str) -> Network:
             f"`net` {path}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
             f"it has {len(configurations)} of the latter"
         )
-    for file in network.files:
-        check_xml(file)
+    network = replace(network, unusual=tuple(told for file in network.files for told in check_xml(file)))
     _ = network.road  # with its walls, which are from elsewhere too
     return network
 

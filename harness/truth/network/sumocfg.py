@@ -14,6 +14,7 @@ from xml.etree.ElementTree import ParseError, parse
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.untrusted_files import number_or_nan, require_file
+from harness.truth.network.limits import PLAUSIBLE
 
 FILE_OPTIONS = {
     "net-file": ("net-file", "net", "n"),
@@ -23,26 +24,9 @@ FILE_OPTIONS = {
 TIMES = {"begin": ("begin", "b"), "end": ("end", "e")}
 # They are the harness's to set.
 OWN = frozenset({"step-length", "seed", "random", "step-method.ballistic"})
-BEHAVIOUR = frozenset(
-    {
-        *("ignore-route-errors", "ignore-accidents", "ignore-junction-blocker", "max-depart-delay", "max-num-vehicles"),
-        *("time-to-teleport", "time-to-teleport.highways", "time-to-teleport.disconnected", "time-to-impatience"),
-        *("lateral-resolution", "collision.action", "collision.check-junctions", "collision.mingap-factor"),
-        *("collision.stoptime", "insertion-checks", "emergency-insert", "eager-insert", "sloppy-insert", "scale"),
-        *("default.action-step-length", "default.carfollowmodel", "default.emergencydecel", "default.speeddev"),
-        *("lanechange.duration", "lanechange.overtake-right", "pedestrian.model", "routing-algorithm"),
-        *("random-depart-offset", "extrapolate-departpos", "keep-after-arrival", "tls.all-off"),
-        *("device.rerouting.probability", "device.rerouting.period", "device.rerouting.adaptation-steps"),
-        *("device.rerouting.adaptation-interval", "device.rerouting.pre-period", "device.rerouting.with-taz"),
-    }
-)
+BEHAVIOUR = frozenset(PLAUSIBLE["behaviour"]["options"])
 PLAIN_VALUE = re.compile(r"[A-Za-z0-9_.:+-]{1,40}")
-NUMBERS_OF_OPTIONS = {
-    "begin": Numbers(-1e9, 1e9), "end": Numbers(-1e9, 1e9),
-    "scale": Numbers(0.0, 20.0), "lateral-resolution": Numbers(0.05, 10.0), "default.speeddev": Numbers(0.0, 2.0),
-    "default.emergencydecel": Numbers(0.0, 50.0), "lanechange.duration": Numbers(0.0, 60.0),
-    "collision.mingap-factor": Numbers(-1.0, 100.0), "default.action-step-length": Numbers(0.0, 3.0),
-}  # fmt: skip
+NUMBERS_OF_OPTIONS = {name: Numbers(ends[0], ends[3]) for name, ends in PLAUSIBLE["option"].items()}
 
 
 @dataclass(frozen=True)
