@@ -115,10 +115,11 @@ def break_sentence(entry: Break) -> str:
     """Return a sentence on where a tracker breaks."""
     if entry.held_to is None:
         return f"{entry.label}: fewer than {FEWEST_EVENTS} occlusions at each density, too few to find its limit"
+    kept = f"{BREAK_PERCENT:g} % of the identities after occlusions"
     if entry.density is None:
-        return f"{entry.label}: does not break up to {entry.held_to:g} veh/km/lane, the highest with enough occlusions"
-    where = f"{entry.label}: breaks at {'or below ' if entry.at_lowest else ''}{entry.density:.0f} veh/km/lane"
-    if entry.ci95 is None:
+        return f"{entry.label}: keeps at least {kept} up to {entry.held_to:g} veh/km/lane, the highest with enough"
+    where = f"{entry.label}: keeps fewer than {kept} from {entry.density:.0f} veh/km/lane on"
+    if entry.at_lowest or entry.ci95 is None:
         return where
     low, high = (f"{end:.0f}" if end is not None else "beyond the grid" for end in entry.ci95)
     return f"{where} (95 % interval {low} to {high})"

@@ -44,9 +44,9 @@ class Options(TypedDict):
         str | None,
         Option(
             "Metrics that get a verdict, separated by commas; other metrics are only reported. "
-            "(default: mot.hota,hidden.hidden_cost_m,occlusion.same_id_percent,in_plain_view.recall,"
-            "in_plain_view.worst_tenth; of drives by belief "
-            "drive.collided_percent,drive.ttc_below_1_5_percent,drive.hard_brakes_per_km)"
+            "(default: mot.hota, hidden.hidden_cost_m, occlusion.same_id_percent, in_plain_view.recall, "
+            "in_plain_view.worst_tenth; for drives drive.collided_percent, drive.ttc_below_1_5_percent, "
+            "drive.hard_brakes_per_km)"
         ),
     ]
     allow_undecided: Annotated[bool, Option("Exit with code 0 instead of 4 if the result is undecided.", default=False)]
@@ -69,14 +69,14 @@ class Options(TypedDict):
 def command(options: Options) -> int:
     """Decide whether B is worse than A, no worse, or undecided.
 
-    HOTA in sight, the capped hidden error and the share of identities kept
-    get a verdict; within one stress test the time per step does too. "worse":
-    the loss exceeds the tolerance, corrected for the number of verdicts. "no
-    worse": the whole 95 % interval lies within the tolerance. Otherwise
-    "undecided", with the number of further seeds that would decide. Other
-    metrics are only reported. Stress tests are paired by seed and setting,
-    two single runs by vehicle, and drives ('drive') by episode, on
-    collisions, short times to collision and hard brakes.
+    HOTA in sight, hidden cost, identities after occlusion and tracks in plain
+    view get a verdict, and within one stress test the time per step. "worse":
+    B is clearly worse by more than the tolerance, after a correction for the
+    number of verdicts. "no worse": no value in the 95 % interval is worse by
+    more than the tolerance. Otherwise "undecided", with the number of seeds
+    that would decide. Other metrics are only reported. Stress tests are paired
+    by seed and setting, two single runs by vehicle, and drives ('drive') by
+    episode, on collisions, short times to collision and hard brakes.
     Exit code 0: no worse. 1: worse. 4: undecided, or runs or values are missing.
 
     Examples:

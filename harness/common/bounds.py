@@ -134,11 +134,11 @@ def check_columns(place: object, there: Collection[str], needed: Collection[str]
     """Refuse a table that lacks columns.
 
     Raises:
-        InputError: It lacks one that is needed; the message names those that are missing.
+        InputError: It lacks one that is needed; the message names those.
     """
     if missing := [name for name in needed if name not in there]:
         has = ", ".join(map(str, there))[:200]
-        raise InputError(f"{place}: the column {', '.join(missing)} is missing; it has {has}: {fix}")
+        raise InputError(f"{place}: it has no column {', '.join(missing)}, but {has}: {fix}")
 
 
 def check_moves(

@@ -34,7 +34,7 @@ IN_WORDS = {"mot.id_switches": {"label": "identity switches in sight", "decimals
 
 def mot_columns() -> list[Quantity]:
     """Return the columns of the table of multi-object scores, as those in sight declare them."""
-    reported = {quantity.key: quantity for quantity in _reported()}
+    reported = {quantity.key: quantity for quantity in view(REPORTED, IN_WORDS)}
     beside = [reported[key] for key in BESIDE]
     return [*(quantity for key, quantity in reported.items() if key.startswith(MOT)), *beside]
 
@@ -56,10 +56,6 @@ def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -
         for quantity, value in others
         if value is not None or not quantity.is_of_some_runs
     ]
-
-
-def _reported() -> list[Quantity]:
-    return view(REPORTED, IN_WORDS)
 
 
 def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:

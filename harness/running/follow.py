@@ -132,7 +132,7 @@ class _EpisodeTrackers:
         if fault is not None:
             raise RunError(
                 f"the tracker {described(self.tracker)} returned at {scan.time_s:g} s what can't be scored: "
-                f"{fault}; check_tracker gives details (docs/how-to/tracker.md)"
+                f"{fault}; `python -m harness check-tracker` has details (docs/how-to/tracker.md)"
             )
 
     def _fresh_tracker(self, stream: np.random.SeedSequence) -> AnyTracker:

@@ -61,9 +61,9 @@ def test_a_varied_setting_has_a_curve_of_its_own():
 @pytest.mark.parametrize(
     ("shares", "density", "at_lowest", "told"),
     [
-        ({10: 90, 20: 60, 30: 40, 40: 45}, pytest.approx(25.0), False, "breaks at 25"),
-        ({10: 70, 20: 70}, None, False, "does not break up to 20"),
-        ({10: 30, 20: 30}, 10, True, "at or below 10"),
+        ({10: 90, 20: 60, 30: 40, 40: 45}, pytest.approx(25.0), False, "fewer than 50 % of the identities"),
+        ({10: 70, 20: 70}, None, False, "after occlusions up to 20"),
+        ({10: 30, 20: 30}, 10, True, "from 10 veh/km/lane on"),
     ],
 )
 def test_a_tracker_breaks_where_its_line_crosses_one_half(shares, density, at_lowest, told):

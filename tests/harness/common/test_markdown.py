@@ -26,7 +26,7 @@ def test_a_person_reads_a_laid_out_table_and_a_file_gets_markdown(monkeypatch, c
 
 def test_a_wide_table_is_split_to_fit_80_columns_with_every_name_and_number_whole(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
-    headings = ["measured by the truth", *(f"tracker{k} less truth" for k in range(7))]
+    headings = ["in the true traffic", *(f"tracker{k} less truth" for k in range(7))]
     rows = [["hard brakes (below -3 m/s²) a km", *(f"-{k}2.85 [-{k}1.25, +{k}4.46]" for k in range(7))]]
     show_markdown("\n".join(markdown_table(headings, rows)), on_stderr=True)
     shown = capsys.readouterr().err

@@ -90,7 +90,7 @@ def test_errors_are_drawn_from_the_seed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "change", "says"),
     [
-        ("annotations.feather", lambda t: t.drop(columns="num_interior_pts"), "num_interior_pts is missing"),
+        ("annotations.feather", lambda t: t.drop(columns="num_interior_pts"), "no column num_interior_pts"),
         ("annotations.feather", lambda t: t.assign(length_m=np.nan), "not finite"),
         ("annotations.feather", lambda t: t.assign(width_m=900.0), "the size of row"),
         ("annotations.feather", lambda t: t.assign(qw=3.0), "rotation's length"),
