@@ -117,8 +117,8 @@ def break_sentence(entry: Break) -> str:
         return f"{entry.label}: fewer than {FEWEST_EVENTS} occlusions at each density, too few to find its limit"
     kept = f"{BREAK_PERCENT:g} % of the identities after occlusions"
     if entry.density is None:
-        return f"{entry.label}: keeps at least {kept} up to {entry.held_to:g} veh/km/lane, the highest with enough"
-    where = f"{entry.label}: keeps fewer than {kept} from {entry.density:.0f} veh/km/lane on"
+        return f"{entry.label}: up to {entry.held_to:g} veh/km/lane, keeps at least {kept}"
+    where = f"{entry.label}: from {entry.density:.0f} veh/km/lane on, keeps fewer than {kept}"
     if entry.at_lowest or entry.ci95 is None:
         return where
     low, high = (f"{end:.0f}" if end is not None else "beyond the grid" for end in entry.ci95)

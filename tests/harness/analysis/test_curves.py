@@ -61,8 +61,8 @@ def test_a_varied_setting_has_a_curve_of_its_own():
 @pytest.mark.parametrize(
     ("shares", "density", "at_lowest", "told"),
     [
-        ({10: 90, 20: 60, 30: 40, 40: 45}, pytest.approx(25.0), False, "fewer than 50 % of the identities"),
-        ({10: 70, 20: 70}, None, False, "after occlusions up to 20"),
+        ({10: 90, 20: 60, 30: 40, 40: 45}, pytest.approx(25.0), False, "from 25 veh/km/lane on, keeps fewer than 50 %"),
+        ({10: 70, 20: 70}, None, False, "up to 20 veh/km/lane, keeps at least 50 %"),
         ({10: 30, 20: 30}, 10, True, "from 10 veh/km/lane on"),
     ],
 )
