@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import base64
+import compileall
 import hashlib
 import os
 import re
@@ -112,6 +113,7 @@ def packed(package: Path, plain: Path) -> Path:
 
 def check(package: Path, home: Path) -> int:
     """Run a package that can't be written to and return 1 if numba compiled anything."""
+    compileall.compile_dir(package, quiet=1)  # as pip does
     for path in [package, *package.rglob("*")]:
         path.chmod(path.stat().st_mode & 0o7555)
     cache = home / "numba"

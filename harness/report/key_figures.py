@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
-from scipy.stats import binomtest
 
+from harness.common.intervals import clopper_pearson
 from harness.report.html_tables import html_table
 from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, number
 from harness.running.finished import RecordedRun
@@ -128,9 +128,9 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
 
 
 def _share(successes: int, trials: int) -> str:
-    """Return the 95 % interval of a share (Wilson 1927)."""
-    interval = binomtest(successes, trials).proportion_ci(method="wilson")
-    return f"{100 * interval.low:.0f} to {100 * interval.high:.0f} %"
+    """Return the 95 % interval of a share; see ``clopper_pearson``."""
+    low, high = clopper_pearson(successes / trials, trials)
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
 
 
 def _between(interval: Sequence[float] | None, unit: str) -> str:
