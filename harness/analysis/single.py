@@ -106,14 +106,14 @@ def evidence_of(folder: Path) -> Evidence:
 def notes_of(a: Source, b: Source) -> list[str]:
     """Return the notes that a reader of such a comparison needs."""
     notes = [
-        "One seed: vehicles are paired, so this does not generalise to other traffic. Vehicles that drive within 100 m "
-        "of each other count as partly the same one, so intervals rest on fewer vehicles than there are."
+        "One seed: vehicles are paired, so the result holds for this traffic only. Vehicles within 100 m of each other "
+        "are not independent, which widens the intervals."
     ]
     shares = [float(column_of(side.rows, FOLLOWED)[0]) for side in (a, b)]
     if np.isfinite(shares).all():
         notes.append(
-            "Errors of hidden vehicles are over the vehicle-steps that both follow; of all of them a follows "
-            f"{shares[0]:.0f} %, b {shares[1]:.0f} %."
+            "Errors of hidden vehicles are means over the vehicle-steps that both sides follow. Of all, a follows "
+            f"{shares[0]:.0f} % and b {shares[1]:.0f} %."
         )
     return notes
 

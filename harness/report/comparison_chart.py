@@ -25,11 +25,11 @@ LEAST_SHOWN, MOST_SHOWN = 5.0, 2000.0
 ZERO_PLAIN = "datum.value == 0 ? '0' : format(datum.value, '+,d')"
 ROW_PX, FRAME_PX = 36, 60
 NOTE = (
-    "Difference of b from a as a share of a's value, turned so that better is to the right, with 95 % intervals. The "
-    "grey band is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. "
-    "The scale is compressed beyond {:g} %. A dot without a line has no interval."
+    "How much better (right) or worse (left) b is than a, in percent of a's value, with 95 % intervals. The grey band "
+    "is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. Beyond {:g} %, "
+    "the scale is logarithmic. A dot without a line has no interval."
 )
-NOT_DRAWN = " Of {}, a is 0, so only the table has the difference."
+NOT_DRAWN = " Not shown, because a is 0: {}."
 HINT = "Point at a value to read it in its own unit."
 
 

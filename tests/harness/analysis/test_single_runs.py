@@ -104,8 +104,8 @@ def test_runs_of_one_tracker_are_called_by_its_name_and_others_by_both(sides):
 
 
 SEED = (
-    "One seed: vehicles are paired, so this does not generalise to other traffic. Vehicles that drive within 100 m of "
-    "each other count as partly the same one, so intervals rest on fewer vehicles than there are."
+    "One seed: vehicles are paired, so the result holds for this traffic only. Vehicles within 100 m of each other are "
+    "not independent, which widens the intervals."
 )
 
 
@@ -113,7 +113,8 @@ def test_notes_tell_that_there_is_one_seed_and_how_many_each_follows(sides):
     for side, share in zip(sides, (81.4, 62.6), strict=True):
         side.rows["hidden_outcomes.tracked_percent"] = share
     follow = (
-        "Errors of hidden vehicles are over the vehicle-steps that both follow; of all of them a follows 81 %, b 63 %."
+        "Errors of hidden vehicles are means over the vehicle-steps that both sides follow. "
+        "Of all, a follows 81 % and b 63 %."
     )
     assert notes_of(*sides) == [SEED, follow]
     found = compare(*sides)
