@@ -73,10 +73,10 @@ OVERVIEW = """Evaluate multi-vehicle tracking through occlusion: traffic, a sens
 Start here:
   python -m harness run --net us101
 
-Then, for example:
-  python -m harness run --density 40 --model cam --duration 30 --seed 1
-  python -m harness nets
-  python -m harness run --help
+Then compare with another tracker on the same detections:
+  python -m harness run --density 45 --out results/a
+  python -m harness run --replay results/a --tracker pmbm --out results/b
+  python -m harness compare results/a results/b
 """
 
 

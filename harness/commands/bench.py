@@ -41,8 +41,9 @@ class Options(TypedDict):
 def command(options: Options) -> int:
     """Measure the time per step and stage for increasing numbers of vehicles.
 
-    All trackers process the same detections, in turn, in one process. With --against, the code as it is and that of
-    the revision do so in processes of their own, scan by scan; exit code 1 if a step has become slower.
+    All trackers process the same detections, in turn, in one process.
+    With --against, the current code and that of the revision take turns,
+    scan by scan, in two processes; exit code 1 if a step is slower.
 
     Examples:
       python -m harness bench

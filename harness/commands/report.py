@@ -26,7 +26,7 @@ class Options(TypedDict):
     ]
     figures: Annotated[
         str | None,
-        Option("Draw the figures of a run or a stress test anew for a paper: png, svg or pdf.", metavar="KIND"),
+        Option("Draw the figures of a run or a stress test for a paper: png, svg or pdf.", metavar="KIND"),
     ]
     json: shared.Json
 

@@ -23,26 +23,24 @@ class Options(TypedDict):
     truth: Annotated[Path, Option("Truth: a run's folder, or a file or folder of a format.", default=...)]
     tracks: Annotated[Path, Option("Tracks that a tracker reported.", default=...)]
     detections: Annotated[
-        Path | None, Option("What the tracker was shown. (default: where every vehicle in view is)", metavar="PATH")
+        Path | None, Option("Detections that the tracker got. (default: the true positions in view)", metavar="PATH")
     ]
     ego: Annotated[
         str | None,
-        Option("Vehicle that carries the sensor, or a file of its poses. (default: what is_ego says)", metavar="NAME"),
+        Option("Vehicle that carries the sensor, or a file of its poses. (default: the column is_ego)", metavar="NAME"),
     ]
     format: Annotated[
         str | None,
-        Option("parquet, csv, kitti, mot, nuscenes or mcap. (default: recognised of each file)", metavar="FORMAT"),
+        Option("parquet, csv, kitti, mot, nuscenes or mcap. (default: by the content)", metavar="FORMAT"),
     ]
     step: Annotated[
-        float, Option("Seconds between frames that are only counted.", default=0.1, metavar="SECONDS", least=0.001)
+        float, Option("Seconds between frames that have only a number.", default=0.1, metavar="SECONDS", least=0.001)
     ]
-    sensor: Annotated[str | None, Option("Sensor profile whose reach and view decide what was hidden.")]
+    sensor: Annotated[str | None, Option("Sensor profile whose range and field of view are used.")]
     settings: Annotated[
         list[str] | None, Option("A setting of the sensor; repeatable.", flag="--set", metavar="sensor.KEY=VALUE")
     ]
-    seed: Annotated[
-        int, Option("Root of the intervals' randomness; of a run's truth the run's own.", default=0, least=0)
-    ]
+    seed: Annotated[int, Option("Seed of the bootstrap intervals; with a run's truth, the run's.", default=0, least=0)]
     name: Annotated[str | None, Option("What the tracker is called. (default: the file's name)")]
     out: Annotated[Path | None, Option("Folder to write. (default: a new one in results/)")]
     force: Annotated[bool, Option("Replace an earlier run in --out.", default=False)]
@@ -53,10 +51,10 @@ class Options(TypedDict):
 def command(options: Options) -> None:
     """Score a tracker's log against a truth, both of any origin.
 
-    Leaves a run folder like that of 'run': report, compare and export take it.
+    Write a run folder as 'run' does; report, compare and export accept it.
     Formats: this project's tables (truth.parquet, tracks.csv, ...), KITTI's
-    tracking text, MOTChallenge in the plane, nuScenes' JSON, MCAP. What of
-    each vehicle was hidden is worked out from the boxes if no file says it.
+    tracking text, MOTChallenge in the plane, nuScenes' JSON, MCAP. If no file
+    has the visible fraction of each vehicle, it is computed from the boxes.
 
     Examples:
       python -m harness score --truth results/cam --tracks tracks.csv
