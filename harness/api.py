@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
 import pandas as pd
 
+from harness.common.error_text import shown
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.untrusted_files import read_json
 from harness.common.watching import survived
@@ -426,5 +427,5 @@ def _input_errors() -> Iterator[None]:
 
 def _call(name: str, options: Mapping[str, object]) -> str:
     """Return a call as it stands in Python, for the manifest."""
-    words = ", ".join(f"{key}={getattr(value, '__qualname__', None) or repr(value)}" for key, value in options.items())
-    return f"harness.{name}({words})"
+    words = (f"{key}={getattr(value, '__qualname__', None) or shown(value, 10**6)}" for key, value in options.items())
+    return f"harness.{name}({', '.join(words)})"

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from harness.common.effects import LEVEL, Effect
+from harness.common.error_text import shown
 from harness.common.errors import InputError
 from harness.scoring.metrics import closedloop
 from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
@@ -118,7 +119,7 @@ class Rules:
 
 def _check_within(parameter: str, value: object, most: float) -> None:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= most:
-        raise InputError(f"`{parameter}` {value!r}: give a share from 0 to {most:g}; for example `{parameter}` 0.02")
+        raise InputError(f"`{parameter}`: give a share from 0 to {most:g}, such as 0.02, not {shown(value)}")
 
 
 def compared_quantities(primary: Sequence[str] = PRIMARY, closed_loop: bool = False) -> list[Quantity]:

@@ -51,6 +51,15 @@ def first_problem(error: ValidationError) -> Problem:
     )
 
 
+def shown(value: object, most: int = 60) -> str:
+    """Return a value as Python writes it, cut off, on one line; its class where its own text fails."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        text = f"<{type(value).__name__}>"
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
 def what_it_raised(error: BaseException) -> str:
     """Return an exception of external code on one line: its text, and the file and line that raised it."""
     frames = traceback.extract_tb(error.__traceback__)

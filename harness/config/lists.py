@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from decimal import Decimal, InvalidOperation
 
 from harness.common.errors import InputError
@@ -12,19 +14,25 @@ MOST_VALUES = 100_000
 MOST_SEED = 2**31 - 1
 
 
+@contextmanager
+def _told(parameter: str, text: str, example: str) -> Iterator[None]:
+    """Turn what is wrong with a list into an error that names the parameter and gives an example."""
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(f"`{parameter}` {text}: {error}; for example `{parameter}` {example}") from None
+
+
 def numbers(text: str, parameter: str, example: str) -> tuple[float, ...]:
     """Return the numbers of ``START:STOP:STEP`` (both ends included) or of a list with commas.
 
     Raises:
         InputError: It is no such text, holds no number, one twice, or too many; the message names the parameter.
     """
-    values = (
-        _steps(text, parameter, example)
-        if ":" in text
-        else [_number(word, text, parameter, example) for word in text.split(",")]
-    )
-    if len(set(values)) < len(values):
-        raise InputError(f"`{parameter}` {text}: a value stands there twice; for example `{parameter}` {example}")
+    with _told(parameter, text, example):
+        values = _steps(text) if ":" in text else [_number(word) for word in text.split(",")]
+        if len(set(values)) < len(values):
+            raise ValueError("a value stands there twice")
     return tuple(float(value) for value in values)
 
 
@@ -35,9 +43,9 @@ def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
         InputError: The list is empty or holds a name twice.
     """
     words = [word.strip() for word in re.split(r",(?![^\[]*\])", text)]
-    if not all(words) or len(set(words)) < len(words):
-        problem = "a name stands there twice" if all(words) else "an empty name"
-        raise InputError(f"`{parameter}` {text!r}: {problem}; for example `{parameter}` {example}")
+    with _told(parameter, text, example):
+        if not all(words) or len(set(words)) < len(words):
+            raise ValueError("a name stands there twice" if all(words) else "an empty name")
     return tuple(words)
 
 
@@ -48,39 +56,31 @@ def seed_values(text: str) -> range:
         InputError: It is neither.
     """
     first, end = text.split(":", 1) if ":" in text else ("0", text)
-    if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):
-        raise InputError(
-            f"`seeds` {text}: give a number of seeds or a range A:B with A below B; for example `seeds` 10"
-        )
+    with _told("seeds", text, "10"):
+        if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):
+            raise ValueError("give a number of seeds or a range A:B with A below B")
     return range(int(first), int(end))
 
 
-def _steps(text: str, parameter: str, example: str) -> list[Decimal]:
+def _steps(text: str) -> list[Decimal]:
     words = text.split(":")
     if len(words) != 3:
-        raise InputError(f"`{parameter}` {text}: a range is START:STOP:STEP; for example `{parameter}` {example}")
-    start, stop, step = (_number(word, text, parameter, example) for word in words)
+        raise ValueError("a range is START:STOP:STEP")
+    start, stop, step = map(_number, words)
     if step <= 0 or stop < start:
-        raise InputError(
-            f"`{parameter}` {text}: START must not lie above STOP, STEP must be above 0; "
-            f"for example `{parameter}` {example}"
-        )
+        raise ValueError("START must not lie above STOP, STEP must be above 0")
     count = math.floor((stop - start) / step) + 1
     if count > MOST_VALUES:
-        raise InputError(
-            f"`{parameter}` {text}: {count} values, at most {MOST_VALUES} are allowed; "
-            f"for example `{parameter}` {example}"
-        )
+        raise ValueError(f"{count} values, at most {MOST_VALUES} are allowed")
     return [start + k * step for k in range(count)]
 
 
-def _number(word: str, text: str, parameter: str, example: str) -> Decimal:
+def _number(word: str) -> Decimal:
     # Decimal steps give 0.3 where adding 0.1 up in binary does not.
     try:
         value = Decimal(word.strip())
     except InvalidOperation:
         value = Decimal("nan")
     if not value.is_finite():
-        what = f"{word.strip()!r} is not a number" if word.strip() else "a number is missing"
-        raise InputError(f"`{parameter}` {text!r}: {what}; for example `{parameter}` {example}")
+        raise ValueError(f"{word.strip()!r} is not a number" if word.strip() else "a number is missing")
     return value

@@ -7,7 +7,6 @@ command line reads; the others are what Python may give as well.
 from __future__ import annotations
 
 import difflib
-import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -18,6 +17,7 @@ from typing import Annotated, Any, TypedDict, cast, get_args, get_origin, get_ty
 
 import tomli_w
 
+from harness.common.error_text import shown
 from harness.common.errors import InputError
 from harness.common.untrusted_files import checked_path
 
@@ -289,7 +289,7 @@ def _checked_value(name: str, value: object, entry: Declared) -> object:
     kinds = [_KINDS[get_origin(one) or one] for one in entry.types]
     if not any(_is_a(plain, kind) for kind, _ in kinds):
         words = " or ".join(dict.fromkeys(word for _, word in kinds))
-        raise InputError(f"`{name}`: give {words}, not {_short(value)}")
+        raise InputError(f"`{name}`: give {words}, not {shown(value)}")
     least, most = entry.option.least, entry.option.most
     if isinstance(plain, int | float) and not ((least is None or plain >= least) and (most is None or plain <= most)):
         bounds = f"{least:g} or more" if most is None else f"{least:g} to {most:g}"
@@ -309,10 +309,6 @@ def _is_a(value: object, kind: Any) -> bool:  # noqa: ANN401  a class or several
     return isinstance(value, kind) and not (kind is Sequence and isinstance(value, str | bytes))
 
 
-def _short(value: object) -> str:
-    return " ".join(reprlib.repr(value).split())
-
-
 def setting_words(settings: Sequence[str] | Mapping[str, object] | None, parameter: str = "settings") -> list[str]:
     """Return settings as ``KEY=VALUE`` words, whose values are written as in TOML.
 
@@ -322,12 +318,12 @@ def setting_words(settings: Sequence[str] | Mapping[str, object] | None, paramet
     if not isinstance(settings, Mapping):
         for word in settings or ():
             if not isinstance(word, str):
-                raise InputError(f"`{parameter}`: {_short(word)} is not of the form KEY=VALUE")
+                raise InputError(f"`{parameter}`: {shown(word)} is not of the form KEY=VALUE")
         return list(settings or ())
     words: list[str] = []
     for key, value in settings.items():
         if not isinstance(key, str):
-            raise InputError(f"`{parameter}`: {_short(key)} is not the key of a setting, for example 'sensor.range_m'")
+            raise InputError(f"`{parameter}`: {shown(key)} is not the key of a setting, for example 'sensor.range_m'")
         if isinstance(value, Mapping):
             words += setting_words({f"{key}.{name}": inner for name, inner in value.items()}, parameter)
         else:
@@ -345,4 +341,4 @@ def _as_toml(key: str, value: object, parameter: str) -> str:
     try:
         return tomli_w.dumps({"value": str(plain) if isinstance(plain, PurePath) else plain})[8:].strip()
     except TypeError:
-        raise InputError(f"`{parameter}`: {key} can't be set to {_short(value)}; give a number, text or list") from None
+        raise InputError(f"`{parameter}`: {key} can't be set to {shown(value)}; give a number, text or list") from None

@@ -156,10 +156,6 @@ def sound_tables(folder: Path, parameter: str) -> Iterator[None]:
 def _check_version(footer: pq.FileMetaData, place: str) -> None:
     """Refuse a table of a version to come; one without a version is of the first."""
     told = (footer.metadata or {}).get(VERSION_KEY.encode(), b"1")
-    if not told.isdigit():
-        raise InputError(f"{place} has a {VERSION_KEY} that is not a number; make the run again")
-    if int(told) > SCHEMA_VERSION:
-        raise InputError(
-            f"{place} has {VERSION_KEY} {told.decode()[:20]}, and this program reads up to {SCHEMA_VERSION}; install a "
-            "newer one"
-        )
+    if not told.isdigit() or int(told) > SCHEMA_VERSION:
+        version = told[:20].decode(errors="replace")
+        raise InputError(f"{place} has {VERSION_KEY} {version}, not 1 to {SCHEMA_VERSION}; install a newer program")

@@ -24,7 +24,7 @@ from harness.common.files import write_text, writing
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file, read_json, read_text
 from harness.storage import ownership
-from harness.storage.checks import AGAIN, Until, check_kinds, read_parquet
+from harness.storage.checks import AGAIN, DAMAGE, Until, check_kinds, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.manifest import manifest_of
@@ -284,9 +284,7 @@ def _road(path: Path, parameter: str) -> Road:
         if replace(road, section_m=CorridorRoad.section_m) != CorridorRoad(lanes=()):
             raise ValueError("beside a graph of lanes its frame must be the plane")
         return LaneGraphRoad(graph_of(fields["graph"]), road.section_m, walls_xy)
-    except (
-        *(OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError, OverflowError),
-    ) as error:
+    except (*DAMAGE, OSError, RecursionError) as error:
         raise InputError(f"`{parameter}`: {path} is missing or broken ({error})") from None
 
 
@@ -325,12 +323,10 @@ def _remove_leftovers(parent: Path) -> None:
 
 
 def _lives(process: int) -> bool:
-    if os.name != "posix":
-        return True  # elsewhere the question itself would end the process
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
     except (OSError, OverflowError):
-        return True
+        pass
     return True

@@ -86,8 +86,8 @@ def test_trackers_get_those_columns_of_the_detections_that_say_so():
     [
         (None, None),
         (SCHEMA_VERSION, None),
-        (SCHEMA_VERSION + 1, "reads up to 1; install a newer one"),
-        ("new", "make the run again"),
+        (SCHEMA_VERSION + 1, "not 1 to 1; install a newer program"),
+        ("new", "not 1 to 1; install a newer program"),
     ],
 )
 def test_a_table_of_a_version_to_come_is_refused_and_one_of_none_is_read(version, refused, tmp_path):
