@@ -81,20 +81,12 @@ def test_trackers_get_those_columns_of_the_detections_that_say_so():
     assert REPORTED_STATES == TRACK_STATES
 
 
-@pytest.mark.parametrize(
-    ("version", "refused"),
-    [
-        (None, None),
-        (SCHEMA_VERSION, None),
-        (SCHEMA_VERSION + 1, "not 1 to 1; install a newer program"),
-        ("new", "not 1 to 1; install a newer program"),
-    ],
-)
-def test_a_table_of_a_version_to_come_is_refused_and_one_of_none_is_read(version, refused, tmp_path):
+@pytest.mark.parametrize("version", [None, SCHEMA_VERSION, SCHEMA_VERSION + 1, "new"])
+def test_a_table_of_a_version_to_come_is_refused_and_one_of_none_is_read(version, tmp_path):
     metadata = {} if version is None else {VERSION_KEY: str(version)}
     pq.write_table(pa.table({"a": [1]}, metadata=metadata), tmp_path / "t.parquet")
-    if refused is None:
+    if version in (None, SCHEMA_VERSION):
         pd.testing.assert_frame_equal(read_table(tmp_path, "t.parquet", "folder", ["a"]), pd.DataFrame({"a": [1]}))
         return
-    with pytest.raises(InputError, match=rf"^`folder`: .*t\.parquet has .*{VERSION_KEY}.*{refused}$"):
+    with pytest.raises(InputError, match=rf"^`folder`: .*t\.parquet has {VERSION_KEY} .*install a newer program$"):
         read_table(tmp_path, "t.parquet", "folder", ["a"])

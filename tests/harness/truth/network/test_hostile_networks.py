@@ -49,7 +49,7 @@ def replaced(name: str, value: str) -> str:
     ("name", "value"),
     [
         ("speed", "0"), ("speed", "-1"), ("speed", "nan"), ("speed", "1e9"), ("length", "nan"), ("length", "0"),
-        ("index", "-1"), ("speed", "0x10000"),
+        ("index", "-1"), ("speed", "0x10000"), ("speed", "83"),
         ("length", "inf"), ("length", "-5"), ("width", "1e6"), ("width", "9"), ("width", "0"), ("width", "nan"),
         ("shape", "0,0 nan,3"), ("shape", "0,0 1e300,1"), ("shape", "a,b"), ("shape", "0,0 200,0 20,1 300,0"),
     ],
@@ -58,8 +58,7 @@ def test_a_lane_that_no_road_has_is_refused_in_one_line(name, value, tmp_path, c
     path = own(tmp_path, net=replaced(name, value))
     begin = time.perf_counter()
     assert run_command_line(["run", "--net", path, "--duration", "1", "--out", str(tmp_path / "run")]) == 2
-    told = capsys.readouterr().err
-    assert len(told.splitlines()) == 1
+    (told,) = capsys.readouterr().err.splitlines()
     assert "own.net.xml" in told
     assert time.perf_counter() - begin < 10.0
 
@@ -67,19 +66,18 @@ def test_a_lane_that_no_road_has_is_refused_in_one_line(name, value, tmp_path, c
 NO_TYPE = (
     'length="1e9"; width="nan"; width="8"; tau="inf"; tau="9"; minGap="45"; speedDev="0x10"; lcAssertive="inf"; '
     'lcSpeedGain="-1e9"; maxSpeed="0x1p300"; maxSpeedLat="0.8f"; accel="0.01"; speedFactor="8"; color="1,nan,0"; '
-    'speedFactor="normc(1,5,0.2,9)"; vClass="bicycle" length="12"'
+    'speedFactor="normc(1,5,0.2,9)"; vClass="bicycle" length="12"; decel="0.1"; vClass="taxi" width="0.5"; tau="0.1"; '
+    'emergencyDecel="2.9" decel="3.5"; lcKeepRight="0 m"; lcSpeedGain=""; sigmaleader="22"; tPersEstimate="330"'
 )
 
 
 @pytest.mark.parametrize(
     "routes",
     [
-        VEHICLES.replace('number="3"', 'vehsPerHour="1e12"'),
-        VEHICLES.replace('number="3"', 'number="1e12"'),
+        *(VEHICLES.replace('number="3"', f'{name}="1e12"') for name in ("vehsPerHour", "number")),
         *(VEHICLES.replace("<route ", f'<vType id="t" {said}/><route ') for said in NO_TYPE.split("; ")),
         VEHICLES[:60],
-        VEHICLES.replace("<flow ", '<flow departSpeed="2000000000" '),
-        VEHICLES.replace("<flow ", '<flow departSpeed="nan" '),
+        *(VEHICLES.replace("<flow ", f'<flow departSpeed="{speed}" ') for speed in ("2000000000", "nan")),
         *(f'<routes><{element} id="f" departSpeed="inf"/></routes>' for element in ("vehicle", "trip")),
     ],
 )
@@ -91,18 +89,22 @@ def test_vehicles_that_can_not_be_are_refused_in_one_line(routes, tmp_path):
 RED = '<tlLogic id="x" type="static" programID="0" offset="0"><phase duration="9" state="rr"/></tlLogic></net>'
 
 
-@pytest.mark.parametrize(("old", "new"), [('"upstream" to="auxiliary"', '"upstream" to="upstream"'), ("</net>", RED)])
+GAP = '<lane id="a_0" shape="0,0 9,0"/><lane id=":v_0" shape="20,0 30,0"/><connection from="a" to="b" fromLane="0" '
+APART = ('"upstream" to="auxiliary"', '"upstream" to="upstream"')
+
+
+@pytest.mark.parametrize(("old", "new"), [APART, ("</net>", RED), ("</net>", f'{GAP} via=":v_0"/></net>')])
 def test_connections_of_edges_that_do_not_meet_and_signals_that_stay_red_are_refused(old, new, tmp_path):
     (tmp_path / "a.net.xml").write_text(NET.replace(old, new))
-    with pytest.raises(InputError, match=r"a\.net\.xml: (connection from upstream to upstream|tlLogic x)"):
+    with pytest.raises(InputError, match=r"a\.net\.xml: (connection from (upstream to upstream|a to b)|tlLogic x)"):
         check_xml(tmp_path / "a.net.xml")
 
 
-def test_colours_distributions_and_pavements_drawn_by_their_outline_are_taken(tmp_path):
+def test_colours_distributions_and_pavements_are_taken_and_what_is_unusual_is_told(tmp_path):
     lane = '<lane id=":w_0" allow="pedestrian" speed="1" length="3" width="12" shape="0,0 30,0 30,9 0,9"/>'
-    types = '<vType id="a" color="1,0.5,0" speedFactor="norm(1,0)"/><vType id="b" color="red" vClass="bus"/>'
+    types = '<vType id="a" color="1,0.5,0" speedFactor="norm(1,0)"/><vType id="b" color="red" vClass="bus" tau="3.5"/>'
     (tmp_path / "a.net.xml").write_text(f"<net>{lane}{types}</net>")
-    check_xml(tmp_path / "a.net.xml")
+    assert check_xml(tmp_path / "a.net.xml") == ["tau of vType b is 3.5, 0.4 to 3 is usual"]
 
 
 def test_a_vehicle_that_departs_faster_than_its_type_can_is_an_error_of_the_input(tmp_path, capsys):
