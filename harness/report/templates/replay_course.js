@@ -81,7 +81,7 @@ function drawChartFrame(pen, at) {
   pen.fillStyle = "#333333";
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "left";
-  pen.fillText(`${data.plots[view.plot][0]}${panes.length > 1 ? " (a: black; b: blue, dashed)" : ""}`, at.left, at.errorTop - 5);
+  pen.fillText(`${data.plots[view.plot][0]}${panes.length > 1 ? " (a: solid; b: dashed)" : ""}`, at.left, at.errorTop - 5);
   pen.fillText("visible part, %", at.left, at.seenTop - 5);
   pen.textAlign = "right";
   pen.fillText(String(at.most), at.left - 6, at.errorTop + 8);
@@ -175,5 +175,5 @@ function fateOf(t, row) {
     lost: "its track was deleted",
     hijacked: `its track ${t.track[row]} is now on another vehicle${off}`,
     untracked: "had no track when it was last seen",
-  }[outcome] || "not detected so far, or not in the last 10 s";
+  }[outcome] || "not detected yet, or not in the last 10 s";
 }
