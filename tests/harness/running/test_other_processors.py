@@ -1,4 +1,4 @@
-"""What stays the same bytes on another processor: traffic and detections; tracks and scores only on one of its kind."""
+"""Traffic, detections and, on processors of the level x86-64-v3, tracks are the same bytes on another processor."""
 
 from __future__ import annotations
 
@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 
 REPOSITORY = Path(__file__).parents[3]
@@ -31,12 +29,9 @@ def run_as(out: Path, environment: dict[str, str]) -> Path:
 
 
 @pytest.mark.slow
-def test_traffic_and_detections_are_the_same_bytes_on_other_processors_and_tracks_begin_alike(tmp_path):
+def test_traffic_detections_and_tracks_are_the_same_bytes_on_other_processors(tmp_path):
     here = run_as(tmp_path / "here", {})
     for number, environment in enumerate(OTHERS.values()):
         there = run_as(tmp_path / f"there-{number}", environment)
-        for name in ("truth.parquet", "detections.parquet"):
+        for name in ("truth.parquet", "detections.parquet", "tracks.parquet"):
             assert (there / name).read_bytes() == (here / name).read_bytes(), name
-        first = [pd.read_parquet(run / "tracks.parquet").query("step < 5") for run in (here, there)]
-        assert first[0]["track_id"].tolist() == first[1]["track_id"].tolist()
-        assert np.abs(first[0]["lon_m"].to_numpy() - first[1]["lon_m"].to_numpy()).max(initial=0.0) < 0.1

@@ -13,8 +13,8 @@ print(twice(21.0), sum(twice.stats.cache_hits.values()), numba.config.CPU_NAME)
 
 
 def said(path, **variables: str) -> list[str]:
-    environment = {**os.environ, "HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null", **variables}
-    return subprocess.check_output([sys.executable, str(path)], env=environment, text=True).split()
+    environment = {**os.environ, "HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null", "NUMBA_CACHE_DIR": ""}
+    return subprocess.check_output([sys.executable, str(path)], env=environment | variables, text=True).split()
 
 
 def test_a_kernel_that_comes_with_its_module_is_not_compiled_where_nothing_can_be_written(tmp_path):
