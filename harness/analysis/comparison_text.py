@@ -60,8 +60,8 @@ def verdicts_in_grid(folder: Path) -> str:
         judged = [compare(a, b) for b in sides]
     except (InputError, ValueError):
         return ""
-    lines = [f"a: {first}. A verdict allows a tolerance and corrects for the number of metrics (not of trackers)."]
-    lines[0] += " So it may be undecided although an interval excludes 0."
+    rule = "A verdict allows a tolerance and corrects for the number of metrics (not of trackers)."
+    lines = [f"a: {first}. {rule} So it may be undecided although an interval excludes 0."]
     for other, comparison in zip(others, judged, strict=True):
         lines += ["", f"b: {other}. {conclusion(comparison)} {comparison.paired}", ""]
         lines += markdown_table(HEADINGS, map(_marked_cells, comparison.primary))

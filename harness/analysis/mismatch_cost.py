@@ -112,13 +112,17 @@ def costs(table: pd.DataFrame) -> list[Cost]:
 
 
 def leads(table: pd.DataFrame) -> list[Lead]:
-    """Return how far the first tracker is ahead of the best of the others by each of ``LEADS``, world by world."""
-    rows = _by_world(table)
-    found = []
+    """Return how far the first tracker is ahead of the best of the others by each of ``LEADS``, world by world.
+
+    A world in which it or all others lack the score has none.
+    """
+    rows, found = _by_world(table), []
+    first = rows["name"].iloc[0] if len(rows) else ""
     for score, column in LEADS.items():
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
-            first = some["name"].iloc[0]
             values = some.reindex(columns=["world", "name", column]).pivot_table(column, "world", "name", dropna=False)
+            if first not in values:
+                continue
             ahead = values.drop(columns=first).rsub(values[first], axis=0).dropna(axis=1, how="all")
             if len(ahead.columns):
                 best = str(ahead.mean().idxmin())

@@ -78,6 +78,7 @@ def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world(
     page = costs_markdown(costs(pd.DataFrame(rows)), [], [usual])
     assert "| as is | HOTA | first | second | 7.0 [-31.1, 45.1] | 2 |" in page
     assert leads(pd.DataFrame(rows[:4])) == []
+    assert {lead.mismatch for lead in leads(pd.DataFrame(rows[:2] + rows[4:]))} == {AS_IS}  # the first has no "posts"
 
 
 def test_worlds_are_chosen_by_name_and_as_is_comes_first():
