@@ -2,42 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, TypedDict
+import json
 
-from harness.config import options as shared
-from harness.config.options import Option
+import typer
 
-
-class Options(TypedDict):
-    """The options of ``fidelity``."""
-
-    net: shared.Net
-    demand: Annotated[str | None, Option("Names of demands, separated by commas. (default: all with measurements)")]
-    seeds: Annotated[str, Option("Number of seeds, or the range A:B without B.", default="0:5")]
-    minutes: Annotated[
-        float,
-        Option(
-            "Simulated minutes per run. The first that the recording undercounts (2 on us101) do not count.",
-            default=15.0,
-            least=1.0,
-            most=600.0,
-        ),
-    ]
-    fields: Annotated[
-        Path | None,
-        Option("Folder of the recorded fields, to repeat the measurement. (default: the network's measured_file)"),
-    ]
-    recordings: Annotated[
-        list[Path] | None, Option("File or folder of recorded vehicles, as for run --replay; repeatable.")
-    ]
-    workers: Annotated[int, Option("Number of worker processes.", default=1, least=1)]
-    out: Annotated[Path, Option("Folder to write.", default=Path("results/fidelity"))]
-    json: shared.Json
-    quiet: shared.Quiet
+from harness.lab.fidelity.options import FidelityOptions
 
 
-def command(options: Options) -> None:
+def command(options: FidelityOptions) -> None:
     """Compare the simulated traffic with measured traffic.
 
     Compares mean speed, flow, density, speed along the road, share of slow
@@ -51,6 +23,9 @@ def command(options: Options) -> None:
       python -m harness fidelity --fields us101_fields
              --recordings ngsim --recordings commonroad
     """
-    from harness.commands.actions.judge_traffic import judge_traffic  # noqa: PLC0415
+    from harness.lab.fidelity.report import judge_traffic  # noqa: PLC0415
 
-    judge_traffic(options)
+    table = judge_traffic(options)
+    if options["json"]:
+        typer.echo(json.dumps(table, indent=2))
+    typer.echo(f"written to {options['out']}", err=True)

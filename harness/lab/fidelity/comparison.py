@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import wasserstein_distance
 
 from harness.common.errors import InputError
+from harness.config.lists import names, seed_values
 from harness.lab.fidelity.fields import Fields, read_fields
-from harness.lab.fidelity.measured import MeasuredSite, measure, read_measured
+from harness.lab.fidelity.measured import MeasuredPeriod, MeasuredSite, measure, read_measured
+from harness.lab.fidelity.options import FidelityOptions
 from harness.lab.fidelity.samples import (
     RATE,
     RATE_UNIT,
@@ -23,72 +24,8 @@ from harness.lab.fidelity.samples import (
     recording_files,
 )
 from harness.lab.fidelity.simulate import RunJob, SimulatedRun, simulate_all
-from harness.lab.fidelity.statistics import PeriodStatistics, Target, period_statistics, targets
+from harness.lab.fidelity.statistics import period_statistics, targets
 from harness.truth.network.network import Network
-
-
-@dataclass(frozen=True)
-class FidelityRequest:
-    """The request of a comparison with measured traffic.
-
-    Attributes:
-        demands: Demands to be compared; none for all that were measured.
-        seeds: Seeds of each demand's runs.
-        duration_s: Simulated time of a run.
-        fields: Folder of the recorded fields; None to take the figures that travel with the network.
-        recordings: Files and folders of recorded vehicles.
-        workers: Runs at a time.
-    """
-
-    demands: tuple[str, ...]
-    seeds: tuple[int, ...]
-    duration_s: float
-    fields: Path | None
-    recordings: tuple[Path, ...]
-    workers: int
-
-    def runs(self, network: Network) -> int:
-        """Return how many runs there will be."""
-        return len(self.seeds) * len(self.demands or read_measured(network).periods)
-
-
-@dataclass(frozen=True)
-class Period:
-    """One period on both sides.
-
-    Attributes:
-        fields: One simulated run's fields, and the recorded ones if they are there.
-    """
-
-    demand: str
-    simulated: PeriodStatistics
-    measured: PeriodStatistics
-    seeds: tuple[PeriodStatistics, ...]
-    targets: tuple[Target, ...]
-    fields: tuple[Fields, Fields | None]
-
-
-@dataclass(frozen=True)
-class Distance:
-    """How far apart two distributions are, by Wasserstein's distance; of a rate, the difference.
-
-    Attributes:
-        quantity: What is distributed.
-        unit: Its unit, the distance's too.
-        distance: Wasserstein distance; for a rate, the difference.
-        simulated_mean: Mean of the simulated samples.
-        measured_mean: Mean of the recorded ones.
-        simulated_n: Number of simulated samples.
-        measured_n: Number of recorded ones.
-    """
-
-    quantity: str
-    unit: str
-    distance: float
-    simulated_mean: float
-    measured_mean: float
-    simulated_n: int
-    measured_n: int
 
 
 @dataclass(frozen=True)
@@ -96,130 +33,117 @@ class Fidelity:
     """How real the traffic is.
 
     Attributes:
-        source: Where the measurements are published.
-        distances: Distances of the distributions; none without recorded vehicles.
+        table: All figures, as ``fidelity.json`` holds them.
+        fields: By demand one simulated run's fields, and the recorded ones; none where these are not there.
         samples: Simulated and recorded samples; None without recorded vehicles.
-        left_out: What could not be compared, and why.
     """
 
-    network: str
-    source: str
-    periods: tuple[Period, ...]
-    distances: tuple[Distance, ...]
+    table: dict[str, Any]
+    fields: Mapping[str, tuple[Fields, Fields]]
     samples: tuple[BehaviourSamples, BehaviourSamples] | None
-    left_out: tuple[str, ...]
-    setting: Mapping[str, Any]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the figures as plain values."""
-        return {
-            "net": self.network,
-            "source": self.source,
-            **self.setting,
-            "periods": {
-                period.demand: {
-                    "sim": asdict(period.simulated),
-                    "real": asdict(period.measured),
-                    "sim_by_seed": [asdict(entry) for entry in period.seeds],
-                    "targets": [asdict(entry) | {"met": entry.met} for entry in period.targets],
-                }
-                for period in self.periods
-            },
-            "distances": {
-                entry.quantity: {key: value for key, value in asdict(entry).items() if key != "quantity"}
-                for entry in self.distances
-            },
-            "left_out": list(self.left_out),
-        }
 
 
-def compare_traffic(network: Network, request: FidelityRequest, on_run: Callable[[], None]) -> Fidelity:
+def asked_demands(site: MeasuredSite, network: Network, options: FidelityOptions) -> tuple[str, ...]:
+    """Return the demands to be compared.
+
+    Raises:
+        InputError: One was not measured, the network has none of that name, or the runs are too short.
+    """
+    asked = options["demand"]
+    demands = tuple(site.periods) if asked is None else names(asked, "--demand", "us101-0805")
+    for demand in demands:
+        skip_s = site.period(demand).skip_s
+        network.demand(demand)
+        if 60.0 * options["minutes"] <= skip_s:
+            raise InputError(
+                f"`minutes` {options['minutes']:g}: the first {skip_s / 60.0:g} of {demand} are left out; give more "
+                "than that, 15 for example"
+            )
+    return demands
+
+
+def compare_traffic(network: Network, options: FidelityOptions, on_run: Callable[[], None]) -> Fidelity:
     """Simulate the periods and compare them with what was measured.
 
     Raises:
         InputError: The network has no measurements, a demand was not measured, or a file cannot be read.
     """
-    site, fields = _measured(network, request)
-    demands = request.demands or tuple(site.periods)
-    left_out = []
-    for demand in demands:
-        period = site.period(demand)
-        network.demand(demand)
-        if request.duration_s <= period.skip_s:
-            raise InputError(
-                f"`minutes` {request.duration_s / 60.0:g}: the first {period.skip_s / 60.0:g} of {demand} are left "
-                "out; give more than that, 15 for example"
-            )
-    files = recording_files(request.recordings)
+    site, lanes = read_measured(network), network.main_road.main_lanes
+    recorded_fields: Fields | None = None
+    if options["fields"] is not None:
+        recorded_fields = read_fields(options["fields"])
+        site = measure(site, recorded_fields, lanes)
+    demands, seeds = asked_demands(site, network, options), list(seed_values(options["seeds"]))
+    files = recording_files(options["recordings"] or ())
     recorded = recorded_samples(files, network.name) if files else None
-    jobs = [RunJob(network, demand, request.duration_s, seed) for demand in demands for seed in request.seeds]
-    runs = simulate_all(jobs, request.workers, on_run)
-    count = len(request.seeds)
-    grouped = {demand: runs[k * count : (k + 1) * count] for k, demand in enumerate(demands)}
-    lanes = network.main_road.main_lanes
-    periods = tuple(_period(demand, grouped[demand], site, fields, request.duration_s, lanes) for demand in demands)
-    simulated = merged(run.samples for run in runs)
-    if fields is None:
+    jobs = [RunJob(network, demand, 60.0 * options["minutes"], seed) for demand in demands for seed in seeds]
+    runs = simulate_all(jobs, options["workers"], on_run)
+    of_demand = {demand: runs[k * len(seeds) : (k + 1) * len(seeds)] for k, demand in enumerate(demands)}
+    samples = None if recorded is None else (merged(run.samples for run in runs), recorded)
+    left_out = []
+    if recorded_fields is None:
         left_out.append("speed fields of the road: the recorded ones are not there; give their folder as `fields`")
-    if recorded is None:
+    if samples is None:
         left_out.append("distributions: no recorded vehicles are there; give files or folders as `recordings`")
-    return Fidelity(
-        network=network.name,
-        source=site.source,
-        periods=periods,
-        distances=distances(simulated, recorded) if recorded is not None else (),
-        samples=(simulated, recorded) if recorded is not None else None,
-        left_out=tuple(left_out),
-        setting={
-            "seeds": list(request.seeds),
-            "minutes": request.duration_s / 60.0,
-            "recordings": [file.name for file in files],
+    table = {
+        "net": network.name,
+        "source": site.source,
+        "seeds": seeds,
+        "minutes": options["minutes"],
+        "recordings": [file.name for file in files],
+        "periods": {
+            demand: _period(own, site.periods[demand], 60.0 * options["minutes"], lanes)
+            for demand, own in of_demand.items()
         },
-    )
+        "distances": {} if samples is None else distances(*samples),
+        "left_out": left_out,
+    }
+    shown = {}
+    for demand, own in of_demand.items():
+        period = site.periods[demand]
+        if recorded_fields is not None:
+            whole = recorded_fields.between(period.start_s, period.start_s + period.duration_s)
+            shown[demand] = own[0].fields, whole
+    return Fidelity(table, shown, samples)
 
 
-def distances(simulated: BehaviourSamples, recorded: BehaviourSamples) -> tuple[Distance, ...]:
-    """Return the distances of all quantities that both sides have samples of."""
-    found = []
+def distances(simulated: BehaviourSamples, recorded: BehaviourSamples) -> dict[str, dict[str, Any]]:
+    """Return how far apart the distributions are of all quantities that both sides have samples of.
+
+    Returns:
+        By quantity Wasserstein's ``distance`` in its ``unit``, of the rate of lane changes the difference, and mean and
+        number of the samples of both sides.
+    """
+    found: dict[str, dict[str, Any]] = {}
     for quantity, unit in UNITS.items():
-        first, second = simulated.values[quantity], recorded.values[quantity]
-        if len(first) and len(second):
-            distance = float(wasserstein_distance(first, second))
-            means = float(np.mean(first)), float(np.mean(second))
-            found.append(Distance(quantity, unit, distance, *means, len(first), len(second)))
+        both = simulated.by_quantity[quantity], recorded.by_quantity[quantity]
+        if all(map(len, both)):
+            found[quantity] = _sides(
+                unit, wasserstein_distance(*both), tuple(map(np.mean, both)), tuple(map(len, both))
+            )
     if simulated.vehicle_km > 0.0 and recorded.vehicle_km > 0.0:
-        rates = simulated.changes_per_km, recorded.changes_per_km
-        found.append(
-            Distance(RATE, RATE_UNIT, abs(rates[0] - rates[1]), *rates, simulated.lane_changes, recorded.lane_changes)
-        )
-    return tuple(found)
+        rates = [simulated.changes_per_km, recorded.changes_per_km]
+        changes = [simulated.lane_changes, recorded.lane_changes]
+        found[RATE] = _sides(RATE_UNIT, abs(rates[0] - rates[1]), rates, changes)
+    return found
 
 
-def _measured(network: Network, request: FidelityRequest) -> tuple[MeasuredSite, Fields | None]:
-    site = read_measured(network)
-    if request.fields is None:
-        return site, None
-    fields = read_fields(request.fields)
-    return measure(site, fields, network.main_road.main_lanes), fields
+def _sides(unit: str, distance: float, means: Sequence[Any], numbers: Sequence[int]) -> dict[str, Any]:
+    sides = ("simulated", "measured")
+    return {
+        "unit": unit,
+        "distance": float(distance),
+        **{f"{side}_mean": float(mean) for side, mean in zip(sides, means, strict=True)},
+        **{f"{side}_n": number for side, number in zip(sides, numbers, strict=True)},
+    }
 
 
-def _period(
-    demand: str,
-    runs: Sequence[SimulatedRun],
-    site: MeasuredSite,
-    recorded: Fields | None,
-    duration_s: float,
-    lanes: int,
-) -> Period:
-    entry = site.periods[demand]
-    kept = [run.fields.between(entry.skip_s, duration_s) for run in runs]
+def _period(runs: Sequence[SimulatedRun], period: MeasuredPeriod, duration_s: float, lanes: int) -> dict[str, Any]:
+    kept = [run.fields.between(period.skip_s, duration_s) for run in runs]
     simulated = period_statistics(kept, lanes)
-    whole = recorded.between(entry.start_s, entry.start_s + entry.duration_s) if recorded is not None else None
-    return Period(
-        demand=demand,
-        simulated=simulated,
-        measured=entry.statistics,
-        seeds=tuple(period_statistics([piece], lanes) for piece in kept),
-        targets=targets(simulated, entry.statistics),
-        fields=(runs[0].fields, whole),
-    )
+    return {
+        "sim": asdict(simulated),
+        "real": asdict(period.statistics),
+        "sim_by_seed": [asdict(period_statistics([piece], lanes)) for piece in kept],
+        "targets": [asdict(each) | {"met": each.met} for each in targets(simulated, period.statistics)],
+    }

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from harness.common.errors import InputError
-from harness.common.files import save_figure, write_text
-from harness.common.markdown import markdown_table
-from harness.lab.fidelity.comparison import Distance, Fidelity, Period
+from harness.common.files import save_figure, write_text, writing
+from harness.common.markdown import markdown_table, show_markdown
+from harness.common.progress import progress_bar
+from harness.config.lists import seed_values
+from harness.lab.fidelity.comparison import asked_demands, compare_traffic
 from harness.lab.fidelity.fields import CELL_M, Fields
+from harness.lab.fidelity.measured import read_measured
+from harness.lab.fidelity.options import FidelityOptions
 from harness.lab.fidelity.samples import UNITS
-from harness.lab.fidelity.statistics import Target
+from harness.truth.network.network import load_network
 from mmpf.numerics.arrays import FloatArray
 
 TARGET_HEADINGS = ("period", "figure", "simulated", "measured", "off by", "allowed", "agrees")
+SIDES = ("simulated", "measured")
 DISTANCE_HEADINGS = ("quantity", "distance", "unit", "sim. mean", "rec. mean", "sim. n", "rec. n")
 # Okabe and Ito's blue and vermilion.
 SIMULATED, RECORDED = "#0072B2", "#D55E00"
@@ -25,100 +30,73 @@ FASTEST_SHOWN_MPS = 20.0
 BINS = 40
 
 
-def write_fidelity(result: Fidelity, folder: Path) -> None:
-    """Write the result into a folder.
+def judge_traffic(options: FidelityOptions) -> dict[str, Any]:
+    """Compare simulated with measured traffic, write the result and show it, and return the figures.
 
     Raises:
-        InputError: The folder cannot be written.
+        InputError: The network has no measurements, a demand was not measured, or a file can't be read or written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / "fidelity.json", json.dumps(result.as_json(), indent=2) + "\n")
-        write_text(folder / "fidelity.md", as_markdown(result))
-        for name, figure in draw_figures(result).items():
-            save_figure(figure, folder / f"{name}.png")
-    except OSError as error:
-        raise InputError(f"`out` {folder}: cannot be written: {error.strerror}") from error
+    network, out = load_network(str(options["net"] or "us101")), options["out"]
+    demands = asked_demands(read_measured(network), network, options)
+    runs, title = len(demands) * len(seed_values(options["seeds"])), "fidelity: the first simulations"
+    with progress_bar("fidelity", runs, options["quiet"], before=title) as advance:
+        result = compare_traffic(network, options, advance)
+    with writing("out", out):
+        out.mkdir(parents=True, exist_ok=True)
+        write_text(out / "fidelity.json", json.dumps(result.table, indent=2) + "\n")
+        write_text(out / "fidelity.md", as_markdown(result.table))
+        for demand, (simulated, recorded) in result.fields.items():
+            save_figure(speed_fields(demand, simulated, recorded), out / f"speed_field_{demand}.png")
+        if result.samples is not None:
+            save_figure(distributions(*(side.by_quantity for side in result.samples)), out / "distributions.png")
+    if not options["quiet"]:
+        show_markdown(as_markdown(result.table), on_stderr=True)
+    return result.table
 
 
-def as_markdown(result: Fidelity) -> str:
-    """Return the result as Markdown."""
-    targets = [_target_row(period, target) for period in result.periods for target in period.targets]
+def as_markdown(table: Mapping[str, Any]) -> str:
+    """Return the figures as Markdown."""
+    listed = [(demand, target) for demand, period in table["periods"].items() for target in period["targets"]]
     lines = [
-        f"# How real the traffic on {result.network} is",
+        f"# How real the traffic on {table['net']} is",
         "",
-        f"{result.setting['minutes']:g} simulated minutes on each of {len(result.setting['seeds'])} seeds a period; "
-        f"the first minutes that the recording undercounts are left out on both sides. Measured: {result.source}.",
+        f"{table['minutes']:g} simulated minutes on each of {len(table['seeds'])} seeds a period; "
+        f"the first minutes that the recording undercounts are left out on both sides. Measured: {table['source']}.",
         "",
-        *markdown_table(TARGET_HEADINGS, targets),
+        *markdown_table(TARGET_HEADINGS, [_target_row(demand, target) for demand, target in listed]),
         "",
-        summary(result),
+        f"{sum(target['met'] for _, target in listed)} of {len(listed)} figures agree with the measured ones within "
+        "what is allowed.",
         "",
     ]
-    if result.distances:
+    if table["distances"]:
         lines += [
             "## Distributions",
             "",
             "Wasserstein distances between simulated and recorded vehicles; of the rate, the difference. The "
             "recordings are short windows about single vehicles, from no particular part of the periods: "
-            + ", ".join(result.setting["recordings"])
+            + ", ".join(table["recordings"])
             + ".",
             "",
-            *markdown_table(DISTANCE_HEADINGS, [_distance_row(entry) for entry in result.distances]),
+            *markdown_table(DISTANCE_HEADINGS, [_distance_row(*entry) for entry in table["distances"].items()]),
             "",
         ]
-    if result.left_out:
-        lines += ["## Left out", "", *(f"- {reason}" for reason in result.left_out), ""]
+    if table["left_out"]:
+        lines += ["## Left out", "", *(f"- {reason}" for reason in table["left_out"]), ""]
     return "\n".join(lines)
 
 
-def summary(result: Fidelity) -> str:
-    """Return in one sentence how many figures agree."""
-    listed = [target for period in result.periods for target in period.targets]
-    agree = f"{sum(target.met for target in listed)} of {len(listed)} figures agree"
-    return f"{agree} with the measured ones within what is allowed."
+def _target_row(demand: str, target: Mapping[str, Any]) -> tuple[str, ...]:
+    unit = " points" if target["unit"] == "points" else " %"
+    values = (f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}" for value in map(target.__getitem__, SIDES))
+    off = f"{target['error']:+.1f}{unit}", f"{target['tolerance']:g}{unit}"
+    return demand, target["name"], *values, *off, "yes" if target["met"] else "no"
 
 
-def _target_row(period: Period, target: Target) -> tuple[str, ...]:
-    unit = " points" if target.unit == "points" else " %"
-    return (
-        period.demand,
-        target.name,
-        _digits(target.simulated),
-        _digits(target.measured),
-        f"{target.error:+.1f}{unit}",
-        f"{target.tolerance:g}{unit}",
-        "yes" if target.met else "no",
-    )
-
-
-def _distance_row(entry: Distance) -> tuple[str, ...]:
-    return (
-        entry.quantity.replace("_", " "),
-        f"{entry.distance:.2f}",
-        entry.unit,
-        f"{entry.simulated_mean:.2f}",
-        f"{entry.measured_mean:.2f}",
-        str(entry.simulated_n),
-        str(entry.measured_n),
-    )
-
-
-def _digits(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2f}"
-
-
-def draw_figures(result: Fidelity) -> dict[str, Figure]:
-    """Return the figures by file name; those that lack recorded data are not among them."""
-    figures = {}
-    for period in result.periods:
-        simulated, recorded = period.fields
-        if recorded is not None:
-            figures[f"speed_field_{period.demand}"] = speed_fields(period.demand, simulated, recorded)
-    if result.samples is not None:
-        simulated_samples, recorded_samples = result.samples
-        figures["distributions"] = distributions(simulated_samples.values, recorded_samples.values)
-    return figures
+def _distance_row(quantity: str, entry: Mapping[str, Any]) -> tuple[str, ...]:
+    means, numbers = ([entry[f"{side}_{kind}"] for side in SIDES] for kind in ("mean", "n"))
+    distance = f"{entry['distance']:.2f}", entry["unit"]
+    return quantity.replace("_", " "), *distance, *(f"{mean:.2f}" for mean in means), *map(str, numbers)
 
 
 def speed_fields(demand: str, simulated: Fields, recorded: Fields) -> Figure:

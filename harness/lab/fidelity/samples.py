@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from harness.common.errors import InputError
+from harness.storage.tables import floats
 from harness.truth.frame import STEP_S, Frame
 from harness.truth.recorded.fcd import declares_types
 from harness.truth.recorded.formats import network_of, read_traffic, recognise
@@ -39,6 +41,7 @@ UNITS = {
     "vehicle_length": "m",
     "vehicle_width": "m",
 }
+COLUMNS = ("vehicle_id", "lane", "lon_m", "speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
 RATE, RATE_UNIT = "lane_change_rate", "changes per vehicle and km"
 
 
@@ -59,10 +62,10 @@ class BehaviourSamples:
     """Samples of each quantity of ``UNITS``, and how many lane changes there were on how many kilometres.
 
     Attributes:
-        values: Samples by quantity, each of shape (n,).
+        by_quantity: Samples of each, each of shape (n,).
     """
 
-    values: dict[str, FloatArray]
+    by_quantity: dict[str, FloatArray]
     lane_changes: int
     vehicle_km: float
 
@@ -73,7 +76,7 @@ class BehaviourSamples:
 
     def statistics(self) -> VehicleStatistics:
         """Return the figures that drivers are calibrated by; nan where there are no samples."""
-        acceleration = self.values["acceleration"]
+        acceleration = self.by_quantity["acceleration"]
         spread = float(np.mean(np.abs(acceleration - acceleration.mean()))) if len(acceleration) else float("nan")
         return VehicleStatistics(self.changes_per_km, spread)
 
@@ -82,90 +85,67 @@ def merged(parts: Iterable[BehaviourSamples]) -> BehaviourSamples:
     """Return the samples of several runs or recordings as one."""
     listed = list(parts)
     return BehaviourSamples(
-        values={name: np.concatenate([part.values[name] for part in listed]) for name in UNITS},
+        by_quantity={name: np.concatenate([part.by_quantity[name] for part in listed]) for name in UNITS},
         lane_changes=sum(part.lane_changes for part in listed),
         vehicle_km=sum(part.vehicle_km for part in listed),
     )
 
 
-class Sampler:
-    """Takes samples from frames that pass by."""
+def samples_of(frames: Sequence[Frame], window_m: tuple[float, float], step_s: float) -> BehaviourSamples:
+    """Return the samples of frames that follow each other; quantities are sampled every second, changes counted all.
 
-    def __init__(self, window_m: tuple[float, float], step_s: float) -> None:
-        """Take the stretch of road that is on record."""
-        self._start_m, self._end_m = window_m[0] + END_M, window_m[1] - END_M
-        self._step_s = step_s
-        self._every = max(1, round(SAMPLE_EVERY_S / step_s))
-        self._values: dict[str, list[FloatArray]] = {name: [] for name in UNITS}
-        self._sizes: dict[str, tuple[float, float]] = {}
-        self._paths: list[tuple[FloatArray, ...]] = []
-        self._numbers: dict[str, int] = {}
-        self._travelled_m = 0.0
-
-    def tap(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Yield frames on, and take samples from them."""
-        for number, frame in enumerate(frames):
-            self._take(frame, number % self._every == 0)
-            yield frame
-
-    def samples(self) -> BehaviourSamples:
-        """Return all samples taken."""
-        durations = np.array(list(self._lane_changes()), dtype=np.float64)
-        values = {name: np.concatenate(parts) if parts else np.zeros(0) for name, parts in self._values.items()}
-        sizes = np.array(list(self._sizes.values()), dtype=np.float64).reshape(-1, 2)
-        values |= {"lane_change_duration": durations, "vehicle_length": sizes[:, 0], "vehicle_width": sizes[:, 1]}
-        return BehaviourSamples(values, len(durations), self._travelled_m / 1000.0)
-
-    def _take(self, frame: Frame, sampled: bool) -> None:
-        inside = (frame.lane != NO_LANE) & (frame.lon_m >= self._start_m) & (frame.lon_m < self._end_m)
-        rows = np.flatnonzero(inside)
-        names = [str(name) for name in frame.vehicle_id[rows]]
-        for name in names:
-            self._numbers.setdefault(name, len(self._numbers))
-        self._travelled_m += self._step_s * float(frame.speed_mps[rows].sum())
-        vehicle = np.array([self._numbers[name] for name in names], dtype=np.float64)
-        when = np.full(len(rows), frame.step, dtype=np.float64)
-        self._paths.append((vehicle, when, frame.lane[rows].astype(np.float64), frame.lat_speed_mps[rows]))
-        if not sampled:
-            return
-        self._sizes |= dict(zip(names, zip(frame.length_m[rows], frame.width_m[rows], strict=True), strict=True))
-        self._values["speed"].append(frame.speed_mps[rows])
-        self._values["acceleration"].append(frame.accel_mps2[rows])
-        self._values["lateral_speed"].append(frame.lat_speed_mps[rows])
-        distance_m, speed_mps = _headways(frame, rows)
-        self._values["space_headway"].append(distance_m)
-        moving = speed_mps >= SLOWEST_WITH_HEADWAY_MPS
-        self._values["time_headway"].append(distance_m[moving] / speed_mps[moving])
-
-    def _lane_changes(self) -> Iterator[float]:
-        """Yield the duration of each lane change between lanes that was seen from begin to end."""
-        if not self._paths:
-            return
-        vehicle, step, lane, drift = (np.concatenate(parts) for parts in zip(*self._paths, strict=True))
-        order = np.lexsort((step, vehicle))
-        vehicle, step, lane, drift = vehicle[order], step[order], lane[order], drift[order]
-        joined = (np.diff(vehicle) == 0) & (np.diff(step) == 1)
-        for row in np.flatnonzero(joined & (np.abs(np.diff(lane)) == 1)):
-            # Lane 1 is the leftmost, and drift is positive to the left.
-            towards = drift * np.sign(lane[row] - lane[row + 1])
-            if max(towards[row], towards[row + 1]) <= DRIFT_MPS:
-                continue
-            first, last = int(row), int(row) + 1
-            while first > 0 and joined[first - 1] and towards[first] > DRIFT_MPS:
-                first -= 1
-            while last < len(joined) and joined[last] and towards[last] > DRIFT_MPS:
-                last += 1
-            yield (last - first) * self._step_s
+    Args:
+        window_m: The stretch of road that is on record.
+    """
+    columns = {name: np.concatenate([getattr(frame, name) for frame in frames] or [np.zeros(0)]) for name in COLUMNS}
+    number = np.repeat(np.arange(len(frames)), [len(frame) for frame in frames])
+    rows = pd.DataFrame({**columns, "number": number})
+    inside = (rows["lon_m"] >= window_m[0] + END_M) & (rows["lon_m"] < window_m[1] - END_M)
+    rows = rows[inside & (rows["lane"] != NO_LANE)]
+    durations = np.array(list(_lane_changes(rows, step_s)), dtype=np.float64)
+    travelled_m = step_s * float(rows["speed_mps"].sum())
+    rows = rows[rows["number"] % max(1, round(SAMPLE_EVERY_S / step_s)) == 0]
+    sizes = rows.drop_duplicates("vehicle_id", keep="last")
+    distance_m, follower_mps = _headways(rows)
+    moving = follower_mps >= SLOWEST_WITH_HEADWAY_MPS
+    values = {
+        "speed": floats(rows, "speed_mps"),
+        "acceleration": floats(rows, "accel_mps2"),
+        "space_headway": distance_m,
+        "time_headway": distance_m[moving] / follower_mps[moving],
+        "lateral_speed": floats(rows, "lat_speed_mps"),
+        "lane_change_duration": durations,
+        "vehicle_length": floats(sizes, "length_m"),
+        "vehicle_width": floats(sizes, "width_m"),
+    }
+    return BehaviourSamples(values, len(durations), travelled_m / 1000.0)
 
 
-def _headways(frame: Frame, rows: np.ndarray[tuple[int], np.dtype[np.intp]]) -> tuple[FloatArray, FloatArray]:
+def _lane_changes(rows: pd.DataFrame, step_s: float) -> Iterator[float]:
+    """Yield the duration of each lane change between lanes that was seen from begin to end."""
+    rows = rows.sort_values(["vehicle_id", "number"])
+    lane, drift = floats(rows, "lane"), floats(rows, "lat_speed_mps")
+    same = rows["vehicle_id"].to_numpy()[1:] == rows["vehicle_id"].to_numpy()[:-1]
+    joined = same & (np.diff(rows["number"].to_numpy()) == 1)
+    for row in np.flatnonzero(joined & (np.abs(np.diff(lane)) == 1)):
+        # Lane 1 is the leftmost, and drift is positive to the left.
+        towards = drift * np.sign(lane[row] - lane[row + 1])
+        if max(towards[row], towards[row + 1]) <= DRIFT_MPS:
+            continue
+        first, last = int(row), int(row) + 1
+        while first > 0 and joined[first - 1] and towards[first] > DRIFT_MPS:
+            first -= 1
+        while last < len(joined) and joined[last] and towards[last] > DRIFT_MPS:
+            last += 1
+        yield (last - first) * step_s
+
+
+def _headways(rows: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     """Return distances between fronts in each lane and the followers' speeds."""
-    front = frame.lon_m[rows] + 0.5 * frame.length_m[rows]
-    lane = frame.lane[rows]
-    order = np.lexsort((front, lane))
-    distance = np.diff(front[order])
-    paired = (np.diff(lane[order]) == 0) & (distance < LONGEST_HEADWAY_M)
-    return distance[paired], frame.speed_mps[rows][order][:-1][paired]
+    rows = rows.assign(front=rows["lon_m"] + 0.5 * rows["length_m"]).sort_values(["number", "lane", "front"])
+    distance_m = -rows.groupby(["number", "lane"])["front"].diff(-1).to_numpy(dtype=np.float64)
+    paired = distance_m < LONGEST_HEADWAY_M
+    return distance_m[paired], floats(rows, "speed_mps")[paired]
 
 
 WHOLE_S = 86_400.0
@@ -214,7 +194,5 @@ def whole_recording(path: Path, net: str | None = None) -> RecordedTraffic:
 
 def _samples(path: Path, net: str) -> BehaviourSamples:
     traffic = whole_recording(path, net)
-    sampler = Sampler(traffic.window_m, STEP_S)
-    for _ in sampler.tap(traffic.frame(step, step, 0, int(traffic.stay[0])) for step in range(traffic.steps)):
-        pass
-    return sampler.samples()
+    frames = [traffic.frame(step, step, 0, int(traffic.stay[0])) for step in range(traffic.steps)]
+    return samples_of(frames, traffic.window_m, STEP_S)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
+import ctypes
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
-from multiprocessing.process import BaseProcess
-from threading import Thread
+from multiprocessing import get_context
 
+from harness.common.isolation import DIES_WITH_PARENT
 from harness.lab.fidelity.fields import Fields, fields_from_frames
-from harness.lab.fidelity.samples import BehaviourSamples, Sampler
+from harness.lab.fidelity.samples import BehaviourSamples, samples_of
 from harness.truth.network.network import Network
 from harness.truth.sumo.simulation import open_traffic
 
@@ -36,12 +36,12 @@ class RunJob:
     def run(self) -> SimulatedRun:
         """Make the run in this process."""
         truth = open_traffic(self.network, demand=self.demand, duration_s=self.duration_s, seed=self.seed, ego=False)
-        sampler = Sampler(self.network.section_m, truth.step_s)
         try:
-            fields = fields_from_frames(sampler.tap(truth.frames()), truth.step_s)
+            frames = list(truth.frames())
         finally:
             truth.close()
-        return SimulatedRun(fields, sampler.samples())
+        samples = samples_of(frames, self.network.section_m, truth.step_s)
+        return SimulatedRun(fields_from_frames(frames, truth.step_s), samples)
 
 
 def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[SimulatedRun]:
@@ -61,12 +61,4 @@ def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], Non
 
 def _end_with_parent() -> None:
     """Let this worker end when the process that started it is killed; the pool itself would wait for ever."""
-    parent = parent_process()
-    if parent is None:
-        return
-
-    def wait_for(process: BaseProcess) -> None:
-        process.join()
-        os._exit(1)
-
-    Thread(target=wait_for, args=(parent,), daemon=True).start()
+    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)

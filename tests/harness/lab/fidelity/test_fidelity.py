@@ -95,10 +95,10 @@ def test_without_recorded_fields_the_committed_figures_are_the_measure(no_sumo, 
 
 def test_distances_are_zero_to_itself_and_the_shift_of_what_is_shifted():
     same = distances(some_samples(), some_samples())
-    assert {entry.quantity for entry in same} == {*UNITS, "lane_change_rate"}
-    assert all(entry.distance == 0.0 for entry in same)
+    assert set(same) == {*UNITS, "lane_change_rate"}
+    assert all(entry["distance"] == 0.0 for entry in same.values())
     shifted = distances(some_samples(0.7), some_samples())
-    assert all(entry.distance == pytest.approx(0.7) for entry in shifted if entry.quantity in UNITS)
+    assert all(shifted[quantity]["distance"] == pytest.approx(0.7) for quantity in UNITS)
 
 
 @pytest.mark.parametrize(

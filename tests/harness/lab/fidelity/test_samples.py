@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.lab.fidelity.samples import UNITS, BehaviourSamples, Sampler, VehicleStatistics, merged
+from harness.lab.fidelity.samples import UNITS, BehaviourSamples, VehicleStatistics, merged, samples_of
 from tests.harness.closedloop.frames import frame_of
 
 STEP_S = 0.1
@@ -18,10 +18,8 @@ def frame(step, vehicles):
     return frame_of(lon, zeros, speed, step, names, lane=lane, **more)
 
 
-def samples_of(frames):
-    sampler = Sampler(WINDOW, STEP_S)
-    assert len(list(sampler.tap(frames))) == len(frames)
-    return sampler.samples()
+def taken_from(frames):
+    return samples_of(frames, WINDOW, STEP_S)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +46,7 @@ def samples_of(frames):
     ids=["followers on one lane", "standing followers have no time headway", "near the ends and off the lanes"],
 )
 def test_headways_speeds_and_lengths_are_of_vehicles_on_lanes_within_the_window(rows, told):
-    values = samples_of([frame(0, rows)]).values
+    values = taken_from([frame(0, rows)]).by_quantity
     assert {name: values[name].tolist() for name in told} == told
 
 
@@ -62,31 +60,31 @@ def change(towards, steps=60, begin=20, end=50, switch=35):
 
 @pytest.mark.parametrize("towards", [1, -1])
 def test_a_lane_change_lasts_from_the_begin_to_the_end_of_the_drift(towards):
-    taken = samples_of(change(towards))
+    taken = taken_from(change(towards))
     assert taken.lane_changes == 1
-    assert taken.values["lane_change_duration"][0] == pytest.approx(3.0, abs=0.15)
+    assert taken.by_quantity["lane_change_duration"][0] == pytest.approx(3.0, abs=0.15)
     assert taken.changes_per_km == pytest.approx(1.0 / 0.06, rel=1e-6)
 
 
 def test_two_vehicles_that_follow_each_other_in_the_list_make_no_lane_change():
     frames = [frame(k, [("a", 100.0, 5.0, 1, 0.0), ("b", 200.0, 5.0, 2, 0.0)]) for k in range(20)]
-    assert samples_of(frames).lane_changes == 0
+    assert taken_from(frames).lane_changes == 0
 
 
 def test_each_vehicle_is_measured_once_and_merged_samples_add_up():
-    one = samples_of(change(1))
-    both = merged([one, samples_of(change(-1))])
-    assert len(one.values["vehicle_width"]) == 1
-    assert len(both.values["speed"]) == 2 * len(one.values["speed"])
+    one = taken_from(change(1))
+    both = merged([one, taken_from(change(-1))])
+    assert len(one.by_quantity["vehicle_width"]) == 1
+    assert len(both.by_quantity["speed"]) == 2 * len(one.by_quantity["speed"])
     assert both.lane_changes == 2
     assert both.changes_per_km == pytest.approx(one.changes_per_km)
 
 
 def test_no_frames_give_no_samples():
-    taken = samples_of([])
+    taken = taken_from([])
     assert taken.lane_changes == 0
     assert np.isnan(taken.changes_per_km)
-    assert all(len(values) == 0 for values in taken.values.values())
+    assert all(len(values) == 0 for values in taken.by_quantity.values())
 
 
 def test_the_spread_of_accelerations_does_not_depend_on_their_mean():
