@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.scoring.evidence.pairs import GATE_SIMILARITY
+from harness.scoring.evidence.matching import gate_match
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import of_whole, ratio
@@ -30,8 +30,8 @@ QUANTITIES = (
 class ExistencePart:
     """Sums over the reported tracks in sight in a stretch, by tenths of the stated existence, shape (10,).
 
-    ``real`` counts track-steps with a vehicle within the gate; ``squared`` is the sum over all tenths of the squared
-    difference of what is stated and that.
+    ``real`` counts track-steps that have a vehicle of their own within the gate; ``squared`` is the sum over all tenths
+    of the squared difference of what is stated and that.
     """
 
     count: IntArray
@@ -46,7 +46,7 @@ def measure_existence(evidence: Evidence) -> ExistencePart:
     stated = evidence.existence
     judged = np.flatnonzero(tracks_in_sight(rows) & ~rows.tracks.unknowable & np.isfinite(stated))
     real = np.zeros(len(rows.tracks), dtype=bool)
-    real[pairs.track[pairs.similarity >= GATE_SIMILARITY]] = True
+    real[gate_match(pairs, np.ones(len(rows.truth), dtype=bool)).track] = True
     says, is_real = stated[judged], real[judged]
     # 0.3 times ten is more than three by rounding: the edges are those that people write.
     decile = np.clip(np.searchsorted(np.arange(1, DECILES) / DECILES, says, side="right"), 0, DECILES - 1)
@@ -63,7 +63,8 @@ def existence_calibration(part: ExistencePart) -> dict[str, object]:
     """Hold stated existences against what is there.
 
     Over the ``n`` track-steps of reported tracks in sight (detections decide, see ``tracks_in_sight``) that state one.
-    A track-step is real if any true vehicle, visible or not, is within the gate.
+    A track-step is real if it has a true vehicle, visible or not, in the best assignment within the gate: of two tracks
+    on one vehicle one is not real.
 
     Returns:
         ``deciles``: for each tenth of the stated existence ``from`` and ``to`` in [0, 1], ``n`` track-steps, and in

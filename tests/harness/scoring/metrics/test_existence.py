@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from tests.harness.scoring.scenes import Scene, score_run
 
@@ -59,6 +60,12 @@ def test_a_track_on_a_vehicle_that_nobody_sees_is_real_and_one_out_of_sight_is_n
     assert calibration(away)["n"] == 6
 
 
+def test_of_two_tracks_on_one_vehicle_the_nearer_one_is_real():
+    made = scene(0.95, np.ones(STEPS, dtype=bool)).track(2, 31.0)
+    made.tracks[-1]["existence"] = 0.25
+    assert [calibration(made)["deciles"][k]["observed"] for k in (2, 9)] == [0.0, 100.0]
+
+
 def test_tracks_that_state_no_existence_have_no_calibration():
     made = Scene(STEPS).vehicle("car", lon=30.0, detected=True).track(1, 30.0)
     found = calibration(made)
@@ -72,9 +79,10 @@ def test_the_anees_of_an_honest_tracker_is_one_in_view_and_hidden():
     made = Scene(steps).vehicle("car", lon=30.0, detected=half, state=np.where(half, "visible", "hidden"))
     made.track(1, 30.0 + 0.5 * rng.standard_normal(steps), 0.5 * rng.standard_normal(steps), std=0.5,
                speed=10.0 + 0.5 * rng.standard_normal(steps))  # fmt: skip
-    anees = score_run(*made.tables()).metrics["calibration"]["anees"]
-    assert anees["visible"] == pytest.approx(1.0, abs=0.06)
-    assert anees["hidden"] == pytest.approx(1.0, abs=0.06)
+    honest = score_run(*made.tables()).metrics["calibration"]
+    assert list(honest["anees"].values()) == pytest.approx([1.0, 1.0], abs=0.06)
+    assert honest["nees_median"] == pytest.approx(chi2(3).median() / 3, abs=0.04)
+    assert list(honest["coverage95"].values()) == pytest.approx([95.0] * 3, abs=1.2)
     made.tracks[-1]["std_lon_m"] *= 0.5
     bolder = score_run(*made.tables()).metrics["calibration"]["anees"]
     assert bolder["visible"] == pytest.approx((4.0 + 1.0 + 1.0) / 3.0, abs=0.15)
