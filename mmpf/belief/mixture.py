@@ -130,6 +130,14 @@ class Components:
         """Deviations of each one's detections, along and across, each of shape (m,); 0 for a rule that learns none."""
         return np.zeros(len(self)), np.zeros(len(self))
 
+    @property
+    def elsewhere(self) -> tuple[FloatArray, FloatArray]:
+        """Probability that each vehicle is not where its particles are, (m,), and its mean squared offset then, (3, m).
+
+        They are along, across and in speed; a rule that does not doubt its components says 0.
+        """
+        return np.zeros(len(self)), np.zeros((3, len(self)))
+
     def after_scan(self, was_hit: BoolArray, dt_s: float) -> Self:
         """Return the components with a scan's hits, shape (m,), and the time unseen counted."""
         return replace(

@@ -67,7 +67,7 @@ def hand_over_identity(
     heirs, left = new[rows[linked]], old[columns[linked]]
     again = is_hidden[left]
     same = expit(log_ratio[rows, columns][linked][again])
-    components = with_known_vehicles(components, heirs[again], left[again], same)
+    components = with_known_vehicles(components, moments, heirs[again], left[again], same)
     track_id, withdrawn = components.track_id.copy(), components.withdrawn.copy()
     track_id[heirs], track_id[left] = components.track_id[left], components.track_id[heirs]
     withdrawn[left] = False

@@ -10,6 +10,7 @@ from mmpf.belief.mixture import NEVER, Mixture
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
 from mmpf.joint.kinds import VEHICLE, normalised
+from mmpf.joint.mistaken import PLACED, with_mistakes
 from mmpf.joint.sources import Sources, sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
@@ -19,6 +20,8 @@ from mmpf.options.joint import JointMerging
 SAME_WAY = 0.5
 EXISTENCE_ABOVE = 0.3
 """Less probable components do not merge, so that a stray detection cannot replace a track."""
+VEHICLE_ABOVE = 0.2
+"""A less probable vehicle is not merged with a hidden one: what was found to be false does not take a track."""
 
 
 def merge_lasting_overlaps(
@@ -60,6 +63,8 @@ def merge_lasting_overlaps(
     has_own_detection = components.unseen_s == 0.0
     apart |= both & has_own_detection[:, None] & has_own_detection[None, :]
     apart |= both & (is_hidden[:, None] != is_hidden[None, :])
+    takes = (is_hidden & components.confirmed)[:, None] & (components.vehicle < VEHICLE_ABOVE)
+    apart |= takes | takes.T
     np.fill_diagonal(apart, val=True)
     one, other = np.nonzero(~apart)
     same_way = np.cos(moments.heading_rad[one] - moments.heading_rad[other]) >= SAME_WAY
@@ -82,7 +87,7 @@ def merge_lasting_overlaps(
         elder = min((a, b), key=lambda m: (not confirmed[m], track_id[m]))
         better, worse = sorted((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
         if confirmed[worse] and not confirmed[better]:
-            components = with_known_vehicles(components, np.array([better]), np.array([worse]), np.ones(1))
+            components = with_known_vehicles(components, moments, np.array([better]), np.array([worse]), np.ones(1))
         track_id[better], confirmed[better] = track_id[elder], confirmed[elder]
         keep[worse] = False
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
@@ -90,19 +95,25 @@ def merge_lasting_overlaps(
     return replace(mixture, components=updated), keep
 
 
-def with_known_vehicles(components: Sources, heirs: IntArray, known: IntArray, same: FloatArray) -> Sources:
+def with_known_vehicles(
+    components: Sources, moments: Moments, heirs: IntArray, known: IntArray, same: FloatArray
+) -> Sources:
     """Return the components after some of them, the heirs, have taken the places of reported ones.
 
     An heir's own detections make it a vehicle, or else the known component, if it is that one: its probability becomes
     1 - (1 - heir) (1 - same known). In the second case the known one's detectability holds for it too. By its own
-    detections alone an heir that has just appeared in plain view would be doubted, since few vehicles do.
+    detections alone an heir that has just appeared in plain view would be doubted, since few vehicles do. That it is
+    another source than the known one has the probability 1 - heir same.
 
     Args:
         components: The components.
+        moments: Their moments.
         heirs: Indices of the components that go on, shape (k,).
         known: Index of the reported component that each replaces, which is about to be removed, shape (k,).
         same: Probability that both are the same source, if the known one is a vehicle, shape (k,).
     """
+    hidden, offset = moments.take(known), moments.mean[PLACED][:, heirs] - moments.mean[PLACED][:, known]
+    components = with_mistakes(components, heirs, 1.0 - same * components.vehicle[heirs], offset, hidden)
     kinds, existence = components.kinds.copy(), components.existence.copy()
     vehicles = (same * existence[known])[:, None, None] * kinds[known, VEHICLE]
     alive = ((1.0 - vehicles.sum(axis=(1, 2))) * existence[heirs])[:, None, None, None] * kinds[heirs]

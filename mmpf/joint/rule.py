@@ -32,6 +32,7 @@ from mmpf.joint.interaction import room_beside_seen_vehicles
 from mmpf.joint.kinds_after import ended_meanwhile, kinds_after
 from mmpf.joint.known import Known, with_sources
 from mmpf.joint.merging import merge_lasting_overlaps
+from mmpf.joint.mistaken import mistaken_after, retaken
 from mmpf.joint.newborn import Appearances, appearances_at, newborn_sources
 from mmpf.joint.noise import common_factor, no_more_exact, with_innovations
 from mmpf.joint.range_learning import reach_after
@@ -153,11 +154,13 @@ class JointUpdate:
         sources = kinds_after(
             sources, before, alive, ended, moments, sightings, known.false_objects, situation, self.options
         )
+        objects = self.joint.false_objects
+        sources = mistaken_after(sources, before, sightings, known.false_objects, objects, situation.dt_s)
         reach = None
         if self.joint.reach.learned:
             distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
             reach = reach_after(sightings, before, run, distance_m, known, situation.dt_s, self.joint)
-        sources = self._learned_from_hits(sources, moments, marginals, was_hit, situation)
+        sources = self._learned_from_hits(sources, before, moments, marginals, was_hit, situation)
         posterior, effective_share = self._resample(replace(prior, cloud=cloud, components=sources), was_hit, rng)
         return Updated(
             mixture=posterior,
@@ -228,13 +231,21 @@ class JointUpdate:
         return replace(mixture, cloud=cloud)
 
     def _learned_from_hits(
-        self, sources: Sources, moments: Moments, marginals: Marginals, was_hit: BoolArray, situation: Situation
+        self,
+        sources: Sources,
+        before: Sources,
+        moments: Moments,
+        marginals: Marginals,
+        was_hit: BoolArray,
+        situation: Situation,
     ) -> Sources:
-        """Learn noise and sizes from the detections."""
+        """Learn noise and sizes from the detections, and doubt those of a vehicle that was hidden."""
         hit, sizes = np.flatnonzero(was_hit), situation.scan.detections.sizes
         if len(hit) == 0:
             return sources
         by = marginals.probability[hit].argmax(axis=1)
+        was_hidden = before.confirmed & (before.unseen_s > self.options.reporting.hidden_after_s)
+        sources = retaken(sources, hit[was_hidden[hit]], marginals, moments, situation.scan.detections)
         if self.joint.noise.learned:
             sources = with_innovations(sources, moments, hit, by, situation)
         return sources if sizes is None else with_measured_sizes(sources, hit, taken(sizes, by))

@@ -34,6 +34,8 @@ class Sources(Components):
         noise_lat_m: The same, lateral.
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
         overlap_s: For how long, scan after scan.
+        mistaken: Probability that what it follows is not the vehicle that was hidden; see ``mmpf.joint.mistaken``.
+        away_std: How far the vehicle is then, root mean square along, across and in speed, shape (m, 3).
     """
 
     withdrawn: BoolArray
@@ -51,6 +53,8 @@ class Sources(Components):
     noise_lat_m: FloatArray
     overlap_with: IntArray
     overlap_s: FloatArray
+    mistaken: FloatArray
+    away_std: FloatArray
 
     @property
     def vehicle_share(self) -> FloatArray:
@@ -61,6 +65,11 @@ class Sources(Components):
     def noise_m(self) -> tuple[FloatArray, FloatArray]:
         """Deviations of each one's detections as measured by its innovations, along and across, each of shape (m,)."""
         return self.noise_lon_m, self.noise_lat_m
+
+    @property
+    def elsewhere(self) -> tuple[FloatArray, FloatArray]:
+        """Probability that each follows another source, (m,), and the mean squares of how far it is then, (3, m)."""
+        return self.mistaken, self.away_std.T**2
 
     def after_scan(self, was_hit: BoolArray, dt_s: float, log_odds: FloatArray | float = 0.0) -> Self:
         """Return the components with hits, the expected log odds of their scores, (m,), and times seen and unseen."""
@@ -98,6 +107,8 @@ class Sources(Components):
             noise_lat_m=zeros,
             overlap_with=np.full(count, NEVER),
             overlap_s=zeros,
+            mistaken=zeros,
+            away_std=np.zeros((count, 3)),
         )
 
 

@@ -20,7 +20,7 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
     """Return mean and spread of each component as a track, except hidden ones that are spread too widely.
 
     What drifts of the sensor's noise can't be told from the vehicle's place, nor its rate from the vehicle's speed:
-    both are added to the spread.
+    both are added to the spread. So is how far the vehicle is if the component follows another source.
 
     Args:
         mixture: The belief.
@@ -39,6 +39,8 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
     place_m2, along_m2 = ((lengthwise * each).sum(axis=0) for each in (variance[[LON, LAT]], drift_m2))
     variance[SPEED] += followed_speed_variance(place_m2, variance[SPEED], along_m2, sensor.noise_correlation_s)
     variance[[LON, LAT]] += drift_m2
+    probability, squares = components.elsewhere
+    variance[[LON, LAT, SPEED]] += probability * np.maximum(squares - variance[[LON, LAT, SPEED]], 0.0)
     std = np.maximum(np.sqrt(variance), 1e-6)
     return Tracks(
         track_id=components.track_id[reported],

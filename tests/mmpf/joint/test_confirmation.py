@@ -32,32 +32,23 @@ def test_the_path_is_the_egos_lane_as_far_as_it_needs_to_stop() -> None:
     assert not in_path(30.0, LANE, speed_mps=0.0)
 
 
-@pytest.mark.parametrize("path", [True, False])
-def test_a_probable_false_object_is_reported_in_the_path_alone(path: bool) -> None:
-    false = np.zeros((1, *SHAPE))
-    false[:, STANDING, 0, 2] = 1.0
-    columns = {"existence": [0.95], "detected_s": [1.0], "kinds": false}
-    tentative = belief_of([spot(30.0, LANE)], confirmed=[False], **columns).components
-    confirmed = belief_of([spot(30.0, LANE)], confirmed=[True], **columns).components
-    assert to_confirm(tentative, np.array([path]), OPTIONS)[0] == path
-    assert still_confirmed(confirmed, np.array([path]), OPTIONS)[0] == path
-    assert tentative.vehicle[0] == pytest.approx(0.0)
-
-
 def test_a_single_flash_is_reported_nowhere() -> None:
     flash = belief_of([spot(30.0, LANE)], confirmed=[False], existence=[0.95], detected_s=[0.0]).components
     assert not to_confirm(flash, np.array([True]), OPTIONS)[0]
 
 
 @pytest.mark.parametrize(
-    ("stood_log", "detected_s", "reported"), [(-20.0, 1.2, True), (-20.0, 0.5, False), (-1.0, 9.0, False)]
-)
-def test_what_has_moved_for_a_second_is_reported_though_it_is_probably_false(stood_log, detected_s, reported) -> None:
+    ("path", "stood_log", "detected_s", "reported"),
+    [(True, 0.0, 1.0, True), (False, 0.0, 1.0, False), (False, -20.0, 1.2, True), (False, -20.0, 0.5, False),
+     (False, -1.0, 9.0, False)],
+)  # fmt: skip
+def test_what_is_probably_false_is_reported_in_the_path_or_when_it_has_moved_for_a_second_and_nowhere_else(
+    path, stood_log, detected_s, reported
+) -> None:
     false = np.zeros((1, *SHAPE))
     false[:, STANDING, 0, 2] = 1.0
     columns = {"existence": [0.95], "detected_s": [detected_s], "kinds": false, "stood_log": [stood_log]}
     tentative = belief_of([spot(30.0, LANE)], confirmed=[False], **columns).components
     confirmed = belief_of([spot(30.0, LANE)], confirmed=[True], **columns).components
-    outside = np.array([False])
-    assert to_confirm(tentative, outside, OPTIONS)[0] == reported
-    assert still_confirmed(confirmed, outside, OPTIONS)[0] == reported
+    assert to_confirm(tentative, np.array([path]), OPTIONS)[0] == reported
+    assert still_confirmed(confirmed, np.array([path]), OPTIONS)[0] == reported

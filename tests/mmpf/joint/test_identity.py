@@ -132,6 +132,8 @@ def test_one_seen_again_is_a_vehicle_unless_neither_it_nor_the_hidden_one_that_i
     density = 0.9 * norm.pdf([apart_m, 0.0, 0.0], scale=widths).prod()
     same = density / (density + OPTIONS.unknown_density)
     assert after.components.vehicle == pytest.approx([1.0 - (1.0 - 0.95 * 0.3) * (1.0 - same * 0.9 * 0.8)])
+    assert after.components.mistaken == pytest.approx([1.0 - same * 0.95 * 0.3])
+    assert after.components.away_std == pytest.approx(np.array([[apart_m, 0.0, 0.0]]))
 
 
 @given(st.integers(0, 10_000))
@@ -165,13 +167,9 @@ def withdrawn_and_new(apart_m: float = 1.0) -> Mixture:
     )
 
 
-def test_one_confirmed_where_a_track_was_just_withdrawn_takes_its_name_and_both_stay() -> None:
-    after, count = handed_over(withdrawn_and_new(), [False, True])
-    assert (after.components.track_id.tolist(), count) == ([NEW, HIDDEN], 1)
-    assert after.components.withdrawn.tolist() == [False, False], "a name is handed over once"
+@pytest.mark.parametrize(("apart_m", "names"), [(1.0, [NEW, HIDDEN]), (12.0, [HIDDEN, NEW])])
+def test_one_confirmed_where_a_track_was_just_withdrawn_takes_its_name_and_both_stay(apart_m: float, names: list[int]):
+    after, count = handed_over(withdrawn_and_new(apart_m), [False, True])
+    assert (after.components.track_id.tolist(), count) == (names, int(apart_m < 12.0))
+    assert after.components.withdrawn.tolist() == [apart_m == 12.0, False], "a name is handed over once"
     assert after.components.confirmed.tolist() == [False, True]
-
-
-def test_one_confirmed_far_from_a_withdrawn_track_is_somebody_else() -> None:
-    after, count = handed_over(withdrawn_and_new(apart_m=12.0), [False, True])
-    assert (after.components.track_id.tolist(), count) == ([HIDDEN, NEW], 0)

@@ -27,8 +27,9 @@ from mmpf.joint.kinds import (
     vehicle_share,
 )
 from mmpf.joint.kinds_after import OVERLAP_PER_S, ended_meanwhile, kinds_after
+from mmpf.joint.mistaken import mistaken_after
 from mmpf.joint.newborn import Appearances, kinds_at_birth
-from mmpf.joint.sources import Sources
+from mmpf.joint.sources import Sources, sources_of
 from mmpf.joint.speeds import STANDING_STD_MPS, log_speed_likelihoods
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
@@ -247,3 +248,18 @@ def test_where_the_question_is_not_asked_vehicles_stay_vehicles() -> None:
     for hit in [True, False, False, True]:
         found = scanned(found, seen_as(CLEAR * hit), options)
         assert vehicle_share(found.components.kinds) == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("in_shadow", [0.1, 0.9])
+@pytest.mark.parametrize("detected", [True, False])
+def test_the_odds_that_a_false_object_is_followed_are_summed_over_cases(detected: bool, in_shadow: float) -> None:
+    before, prior = sources_of(source(mistaken=[0.2], away_std=[[4.0, 1.0, 3.0]])), OPTIONS.joint.false_objects
+    probability = seen_as(0.0, in_shadow).detection_probabilities()[0]
+    by_vehicle = (before.kinds[0, VEHICLE] * probability).sum()
+    shares = np.outer(prior.shading, prior.detectability) / np.sum(prior.shading) / np.sum(prior.detectability)
+    now = replace(before, unseen_s=np.array([0.0 if detected else 0.3]))
+    after = mistaken_after(now, before, seen_as(0.0, in_shadow), NOTHING, prior, DT_S)
+    lasts = np.exp(-DT_S / prior.life_s)
+    ratio = lasts * (shares * probability).sum() / by_vehicle if detected else 1.0 / (1.0 - by_vehicle)
+    assert after.mistaken / (1.0 - after.mistaken) == pytest.approx(0.25 * ratio)
+    assert after.away_std == pytest.approx(np.array([[4.0 + 3.0 * DT_S, 1.0, 3.0]]))

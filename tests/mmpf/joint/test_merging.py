@@ -128,12 +128,22 @@ def test_a_reported_vehicle_stays_as_probable_as_it_was_when_a_doubtful_one_dete
     assert merged.components.vehicle == pytest.approx(probable)
 
 
-def test_a_hidden_vehicle_beneath_a_seen_one_is_another_vehicle_if_both_were_confirmed() -> None:
-    assert len(merged_after(elder_and_younger(1.0, (True, True), (1.5, 0.0)), 10)) == 2
-
-
-def test_components_three_metres_apart_stay_two() -> None:
-    assert len(merged_after(elder_and_younger(3.0, (True, False), (0.0, 0.0)), 10)) == 2
+@pytest.mark.parametrize(
+    ("apart_m", "confirmed", "unseen_s", "share"),
+    [
+        (1.0, (True, True), (1.5, 0.0), 1.0),
+        (3.0, (True, False), (0.0, 0.0), 1.0),
+        (1.0, (True, False), (1.5, 0.0), 0.1),
+    ],
+    ids=["both reported, one hidden", "three metres apart", "a false object beside a hidden vehicle"],
+)
+def test_two_stay_two(
+    apart_m: float, confirmed: tuple[bool, bool], unseen_s: tuple[float, float], share: float
+) -> None:
+    mixture = elder_and_younger(apart_m, confirmed, unseen_s)
+    kinds = certain_vehicles(2) * np.array([1.0, share])[:, None, None, None]
+    kinds[1, STANDING, 0, 0] = 1.0 - share
+    assert len(merged_after(replace(mixture, components=replace(mixture.components, kinds=kinds)), 10)) == 2
 
 
 def confirmed_after_finetuning(mixture: Mixture) -> list[bool]:

@@ -52,6 +52,12 @@ def test_one_that_is_unseen_and_may_be_anywhere_is_withheld(std_lon_m: float, un
     assert len(reported(belief)) == count
 
 
+def test_the_deviations_of_one_that_may_follow_another_source_are_those_of_the_mixture_of_both_cases() -> None:
+    belief = belief_of([pair_apart(2.0)], confirmed=[True], mistaken=[0.25], away_std=[[10.0, 3.0, 0.0]])
+    tracks = reported(belief)
+    assert (tracks.std_lon_m, tracks.std_lat_m) == (pytest.approx((0.75 * 4 + 25) ** 0.5), pytest.approx(1.5))
+
+
 def test_what_is_withheld_takes_nothing_of_the_others_with_it() -> None:
     belief = belief_of(
         [spot(10.0, 1.0), pair_apart(9.0), spot(30.0, 3.0)],
@@ -75,13 +81,8 @@ def test_means_and_spreads_are_those_of_the_weighted_particles() -> None:
     tracks = reported(belief_of([state], [weight]))
     mean = state @ weight
     std = np.sqrt((state - mean[:, None]) ** 2 @ weight)
-    for name, row in (
-        ("lon_m", LON),
-        ("lat_m", LAT),
-        ("speed_mps", SPEED),
-        ("lat_speed_mps", LAT_SPEED),
-        ("accel_mps2", ACCEL),
-    ):
+    names = ("lon_m", "lat_m", "speed_mps", "lat_speed_mps", "accel_mps2")
+    for name, row in zip(names, (LON, LAT, SPEED, LAT_SPEED, ACCEL), strict=True):
         assert getattr(tracks, name) == pytest.approx(mean[[row]]), name
     for name, row in (("std_lon_m", LON), ("std_lat_m", LAT), ("std_speed_mps", SPEED)):
         assert getattr(tracks, name) == pytest.approx(std[[row]]), name
