@@ -103,13 +103,13 @@ class Registry(Generic[T]):
             packages = " and ".join(sorted(_package(point) for point in declared))
             raise UnknownNameError(f"the {self.kind} {name!r} is declared by {packages}; uninstall all but one")
         if declared:
-            return self._loaded(declared[0], f"of {_package(declared[0])}")
+            return self._loaded(declared[0])
         if ":" in name and self.group is not None:
             if name.partition(":")[0].partition(".")[0] in sys.stdlib_module_names:
                 raise UnknownNameError(f"{name} is part of Python itself and no {self.kind}")
             from importlib.metadata import EntryPoint  # noqa: PLC0415
 
-            return self._loaded(EntryPoint(name, name, self.group), "is it on PYTHONPATH or installed?")
+            return self._loaded(EntryPoint(name, name, self.group))
         near = difflib.get_close_matches(name, self.names())
         known, in_order = ", ".join(self), ", ".join(self.names())
         told = self.unknown.format(kind=self.kind, name=name, known=known, in_order=in_order)
@@ -161,16 +161,17 @@ class Registry(Generic[T]):
                 f"{name} needs {what}, which is not installed: pip install '.[{entry.extra}]'"
             ) from None
 
-    def _loaded(self, point: EntryPoint, remark: str) -> T:
+    def _loaded(self, point: EntryPoint) -> T:
+        named = f"the {self.kind} {point.value!r}" + (f" of {_package(point)}" if point.dist else "")
         try:
             entry = point.load()
         except BaseException as error:
             if isinstance(error, KeyboardInterrupt):
                 raise
-            problem = f"{type(error).__name__}: {error}"
-            raise UnknownNameError(f"can't import the {self.kind} {point.value!r} ({problem}), {remark}") from None
+            hint = "; is it on PYTHONPATH or installed?" if isinstance(error, ModuleNotFoundError) else ""
+            raise UnknownNameError(f"can't import {named} ({type(error).__name__}: {error}){hint}") from None
         if not callable(entry):
-            raise UnknownNameError(f"the {self.kind} {point.value!r} is not callable, {remark}")
+            raise UnknownNameError(f"{named} is no class or function, but of type {type(entry).__name__}")
         return cast("T", entry)
 
 
