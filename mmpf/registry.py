@@ -165,9 +165,9 @@ class Registry(Generic[T]):
         named = f"the {self.kind} {point.value!r}" + (f" of {_package(point)}" if point.dist else "")
         try:
             entry = point.load()
+        except KeyboardInterrupt:
+            raise
         except BaseException as error:
-            if isinstance(error, KeyboardInterrupt):
-                raise
             hint = "; is it on PYTHONPATH or installed?" if isinstance(error, ModuleNotFoundError) else ""
             raise UnknownNameError(f"can't import {named} ({type(error).__name__}: {error}){hint}") from None
         if not callable(entry):

@@ -152,7 +152,7 @@ def test_a_reader_that_returns_nonsense_is_told_which_check_fails(returned, told
     ("written", "told"),
     [
         ("def read(path, net, more): pass", "takes \\(path\\), or \\(path, net\\)"),
-        ("read = 5", "not callable"),
+        ("read = 5", "no class or function"),
         ("", "can't import"),
     ],
 )
