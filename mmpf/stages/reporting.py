@@ -41,6 +41,7 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
     variance[[LON, LAT]] += drift_m2
     probability, squares = components.elsewhere
     variance[[LON, LAT, SPEED]] += probability * np.maximum(squares - variance[[LON, LAT, SPEED]], 0.0)
+    variance[:, unseen] *= options.hidden_variance_factor
     std = np.maximum(np.sqrt(variance), 1e-6)
     return Tracks(
         track_id=components.track_id[reported],

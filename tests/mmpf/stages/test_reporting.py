@@ -53,9 +53,9 @@ def test_one_that_is_unseen_and_may_be_anywhere_is_withheld(std_lon_m: float, un
 
 
 def test_the_deviations_of_one_that_may_follow_another_source_are_those_of_the_mixture_of_both_cases() -> None:
-    belief = belief_of([pair_apart(2.0)], confirmed=[True], mistaken=[0.25], away_std=[[10.0, 3.0, 0.0]])
-    tracks = reported(belief)
-    assert (tracks.std_lon_m, tracks.std_lat_m) == (pytest.approx((0.75 * 4 + 25) ** 0.5), pytest.approx(1.5))
+    belief = belief_of([pair_apart(2.0)], unseen_s=[1.0], mistaken=[0.25], away_std=[[10.0, 3.0, 0.0]])
+    tracks, factor = reported(belief), OPTIONS.hidden_variance_factor
+    assert np.hstack([tracks.std_lon_m, tracks.std_lat_m]) ** 2 / factor == pytest.approx([0.75 * 4 + 25, 1.5**2])
 
 
 def test_what_is_withheld_takes_nothing_of_the_others_with_it() -> None:
