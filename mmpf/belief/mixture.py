@@ -52,14 +52,8 @@ class ParticleCloud:
             particles: Indices of the particles to keep, shape (k,).
             component: Their components' new indices, ascending, shape (k,).
         """
-        return ParticleCloud(
-            state=self.state.take(particles, axis=1),
-            log_weight=self.log_weight[particles],
-            log_raw_weight=self.log_raw_weight[particles],
-            component=component,
-            log_component_weight=self.log_component_weight[particles],
-            latents=self.latents.take(particles, axis=1),
-        )
+        columns = {f.name: getattr(self, f.name).take(particles, axis=-1) for f in fields(self)}
+        return ParticleCloud(**(columns | {"component": component}))
 
     def stretches(
         self, stretches: list[slice], component: IntArray, then: ParticleCloud | None = None

@@ -124,8 +124,10 @@ class JointUpdate:
         missed = 1.0 - existence + existence * not_seen
         marginals = associate(evidence, missed, options.birth_density, options.exclusive)
 
+        lasting = occlusion.lasting_probability
+        outside = (1.0 - lasting) / np.maximum(1.0 - occlusion.run_probability, 1e-12)
         factor = particle_factors(
-            occlusion.detection_probability,
+            occlusion.detection_probability * np.repeat(outside, np.diff(starts)),
             starts,
             likelihoods,
             marginals.detection_message / clutter_density,
@@ -144,13 +146,14 @@ class JointUpdate:
 
         claimed = (evidence * marginals.detection_message).sum(axis=1) / np.maximum(existence, 1e-300)
         run = run_after_scan(occlusion.run_probability, not_seen, claimed)
+        lasting = run_after_scan(lasting, 1.0 - outside * (1.0 - not_seen), outside * claimed)
         hit_probability = marginals.probability.sum(axis=1)
         was_hit = hit_probability > options.hit_probability
         sightings = sightings_of(
             prior, moments, occlusion, not_seen, claimed, hit_probability, known, situation, self.joint
         )
         log_odds = (marginals.probability * np.log(detections.odds)).sum(axis=1) / np.maximum(hit_probability, 1e-12)
-        sources = replace(before.after_scan(was_hit, situation.dt_s, log_odds), missed=run)
+        sources = replace(before.after_scan(was_hit, situation.dt_s, log_odds), missed=run, unexplained=lasting)
         sources = kinds_after(
             sources, before, alive, ended, moments, sightings, known.false_objects, situation, self.options
         )

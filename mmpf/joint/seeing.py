@@ -16,7 +16,7 @@ from mmpf.stages.update_rule import Occlusion, Situation
 from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.detection_probability import detection_probabilities, in_plain_view
 from mmpf.visibility.field import half_widths, share_in_field, worth_at_edge
-from mmpf.visibility.missed_runs import run_expected
+from mmpf.visibility.missed_runs import LASTS_ON, run_expected
 from mmpf.visibility.range_profile import share_at
 from mmpf.visibility.shadows import visible_fractions
 
@@ -50,10 +50,12 @@ def occlusion_of(
         probability = detection_probabilities(visible, distance, known.sensor, shares, detectability.hidden_probability)
     else:
         probability = np.full(len(cloud), detectability.fixed_probability)
-    run = run_expected(sources.missed, detectability.run_share, detectability.run_s, situation.dt_s)
+    share, run_s, dt_s = detectability.run_share, detectability.run_s, situation.dt_s
+    run = run_expected(sources.missed, share, run_s, dt_s)
+    lasting = run_expected(sources.unexplained, share, run_s + LASTS_ON * sources.unseen_s, dt_s)
     seen = (1.0 - run) * mean_detectability(sources.kinds)
     probability *= np.repeat(seen, np.diff(prior.starts))
-    return Occlusion(probability, run)
+    return Occlusion(probability, run, np.maximum(lasting, run))
 
 
 def sightings_of(

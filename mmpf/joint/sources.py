@@ -12,6 +12,9 @@ from mmpf.joint.kinds import KINDS, LEVELS, certain_vehicles, vehicle_share
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.options.filter import MEAN_CAR, Footprint
 
+AT_FIRST_ZERO: tuple[str, ...] = ("detected_s", "missed", "unexplained", "stood_log", "born_in_view")
+AT_FIRST_ZERO += ("score_log", "noise_lon_m", "noise_lat_m", "overlap_s", "mistaken")
+
 
 @dataclass(frozen=True)
 class Sources(Components):
@@ -21,6 +24,7 @@ class Sources(Components):
         withdrawn: Whether it was reported as a track, until it was taken for a false object.
         detected_s: For how long it was detected after its birth: each hit counts for the time since the scan before.
         missed: Probability that the sensor is in a run of misses of this vehicle.
+        unexplained: The same if runs that have lasted last on, for the weights of particles; see ``LASTS_ON``.
         kinds: Probability of each kind of source with its detectability, given that there is one, shape (m, 3, 3,
             levels); see ``mmpf.joint.kinds``.
         ended: Probability that it was a false object that has ended, by kind and level, shape (m, 2, levels).
@@ -41,6 +45,7 @@ class Sources(Components):
     withdrawn: BoolArray
     detected_s: FloatArray
     missed: FloatArray
+    unexplained: FloatArray
     kinds: FloatArray
     ended: FloatArray
     speed_log: FloatArray
@@ -89,25 +94,16 @@ class Sources(Components):
     def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Self:
         """Return components of their first scan, certain vehicles; arguments are those of ``Components.newborn``."""
         count = len(track_id)
-        zeros = np.zeros(count)
+        zeros = dict.fromkeys(AT_FIRST_ZERO, np.zeros(count))
         return cls(
-            **vars(Components.newborn(track_id, existence, vehicle)),
+            **(vars(Components.newborn(track_id, existence, vehicle)) | zeros),
             withdrawn=np.zeros(count, dtype=np.bool_),
-            detected_s=zeros,
-            missed=zeros,
             kinds=certain_vehicles(count),
             ended=np.zeros((count, KINDS - 1, LEVELS)),
             speed_log=np.zeros((count, KINDS)),
             standing_ratio=np.ones(count),
-            stood_log=zeros,
-            born_in_view=zeros,
-            score_log=zeros,
             noise_factor=np.ones(count),
-            noise_lon_m=zeros,
-            noise_lat_m=zeros,
             overlap_with=np.full(count, NEVER),
-            overlap_s=zeros,
-            mistaken=zeros,
             away_std=np.zeros((count, 3)),
         )
 

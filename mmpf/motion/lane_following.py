@@ -104,7 +104,8 @@ class LaneFollowing:
         latents[:-GUIDANCE_SIZE] = self.inner.draw_latents(state, rng)
         lane, heading = self._draw_lanes(state[LON], state[LAT], np.full(state.shape[1], np.nan), rng)
         latents[LANE], latents[HEADING] = lane, heading
-        latents[NEXT], latents[GATE] = self._pick_successors(lane, rng), rng.uniform(size=len(lane))
+        graph, (choice, latents[GATE]) = self.graph, rng.uniform(size=(2, len(lane)))
+        latents[NEXT] = _pick_successors(lane, choice, graph.successor, graph.first_successor)
         return latents
 
     def towards(self, latents: FloatArray, headings: BodyHeadings, rng: np.random.Generator) -> FloatArray:
@@ -211,12 +212,8 @@ class LaneFollowing:
         if len(index) == 0:
             return
         lane[index], direction[index] = self._draw_lanes(state[LON, index], state[LAT, index], direction[index], rng)
-        following[index] = self._pick_successors(lane[index], rng)
-
-    def _pick_successors(self, lane: IntArray, rng: np.random.Generator) -> IntArray:
-        graph = self.graph
-        choice = rng.uniform(size=len(lane))
-        return _pick_successors(lane, choice, graph.successor, graph.first_successor)
+        choice, graph = rng.uniform(size=len(index)), self.graph
+        following[index] = _pick_successors(lane[index], choice, graph.successor, graph.first_successor)
 
     def _draw_lanes(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, rng: np.random.Generator

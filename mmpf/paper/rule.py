@@ -80,7 +80,7 @@ class MaxLikelihoodUpdate:
             shadowed = 1.0 - visible_fractions(plane, mean[LON], mean[LAT], np.arange(len(prior)), bodies, table)
         is_hidden = shadowed >= SHADOWED_SHARE
         probability = np.where(is_hidden, 0.0, 1.0)[prior.cloud.component]
-        return Occlusion(probability, np.zeros(len(prior)))
+        return Occlusion(probability, *np.zeros((2, len(prior))))
 
     def measurement_update(
         self,

@@ -50,10 +50,12 @@ class Occlusion:
         detection_probability: Of each particle, shape (n,).
         run_probability: Of each component, that the sensor is in a run of misses of it, shape (m,); it is part of the
             detection probability.
+        lasting_probability: The same if runs that have lasted last on; particles are weighed by it.
     """
 
     detection_probability: FloatArray
     run_probability: FloatArray
+    lasting_probability: FloatArray
 
 
 @dataclass(frozen=True)

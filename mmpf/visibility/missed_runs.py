@@ -11,14 +11,17 @@ import numpy as np
 
 from mmpf.numerics.arrays import FloatArray
 
+LASTS_ON = 2.0
+"""A lasting run lasts on for the mean length of a new one and this many times as long as it has lasted (Lomax 1954)."""
 
-def run_expected(missed: FloatArray, share: float, run_s: float, dt_s: float) -> FloatArray:
+
+def run_expected(missed: FloatArray, share: float, run_s: FloatArray | float, dt_s: float) -> FloatArray:
     """Return the probability of being in a run of misses a step later, shape (m,).
 
     Args:
         missed: The probability now, shape (m,).
         share: Share of time that vehicles spend in runs.
-        run_s: Mean length of a run.
+        run_s: How long a run lasts on in the mean, shape (m,) or one number.
         dt_s: Length of the step.
     """
     ends = -np.expm1(-dt_s / (run_s * (1.0 - share)))

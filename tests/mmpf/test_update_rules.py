@@ -43,7 +43,7 @@ def situation_with(detections: list[tuple[float, float]]) -> Situation:
 
 
 def weights_after(rule: UpdateRule, prior: Mixture, detections: list[tuple[float, float]]) -> Mixture:
-    seen = Occlusion(np.full(len(prior.cloud), 0.9), np.zeros(len(prior)))
+    seen = Occlusion(np.full(len(prior.cloud), 0.9), *np.zeros((2, len(prior))))
     moments, situation = component_moments(prior), situation_with(detections)
     return rule.measurement_update(prior, moments, seen, situation, np.random.default_rng(0)).mixture
 
@@ -102,7 +102,7 @@ def test_existence_rises_with_a_detection_and_falls_without_one_in_plain_view() 
 def test_one_detection_does_not_confirm_two_components() -> None:
     rule = JointUpdate(options_with({}), SensorModel())
     prior = mixture_at([(30.0, lane_centre(2)), (36.0, lane_centre(2))], std_m=2.0)
-    seen = Occlusion(np.full(len(prior.cloud), 0.9), np.zeros(len(prior)))
+    seen = Occlusion(np.full(len(prior.cloud), 0.9), *np.zeros((2, len(prior))))
     moments, situation = component_moments(prior), situation_with([(30.0, lane_centre(2))])
     updated = rule.measurement_update(prior, moments, seen, situation, np.random.default_rng(0))
     assert updated.was_hit.tolist() == [True, False]

@@ -67,7 +67,7 @@ def updated(
     dt_s: float = 0.1,
     run: float = 0.0,
 ) -> Updated:
-    occlusion = Occlusion(detected, np.full(len(prior), run))
+    occlusion = Occlusion(detected, *[np.full(len(prior), run)] * 2)
     situation = replace(situation_with(detections), dt_s=dt_s)
     return rule.measurement_update(prior, component_moments(prior), occlusion, situation, np.random.default_rng(0))
 
@@ -217,7 +217,7 @@ def test_a_hit_component_takes_the_size_of_the_detection_that_is_most_probably_i
     situation = replace(situation, scan=replace(situation.scan, detections=detections))
     every = np.full(PARTICLES, 0.5)
     after = rule_with().measurement_update(
-        prior, component_moments(prior), Occlusion(every, np.zeros(1)), situation, np.random.default_rng(0)
+        prior, component_moments(prior), Occlusion(every, np.zeros(1), np.zeros(1)), situation, np.random.default_rng(0)
     )
     known = prior.components
     expected = np.average([known.length_m[0], 5.0], weights=[known.std_length_m[0] ** -2, 1.0])
@@ -239,6 +239,26 @@ def test_only_what_probably_exists_hides_what_stands_behind_it(existence: float,
     occlusion = rule.assert_occlusion(behind, component_moments(behind), situation_with([]))
     assert occlusion.detection_probability[:10] == pytest.approx(np.full(10, 0.95))
     assert occlusion.detection_probability[10:] == pytest.approx(np.full(10, 0.02 if hidden else 0.95))
+
+
+def test_particles_in_view_lose_less_weight_where_a_run_of_misses_has_lasted() -> None:
+    prior, run, lasting = belief_of([cloud_at(PLACE)]), 0.3, 0.8
+    detected = (1.0 - run) * np.where(np.arange(PARTICLES) < 20, 0.9, 0.05)
+    occlusion = Occlusion(detected, np.array([run]), np.array([lasting]))
+    after = rule_with(association=ALONE).measurement_update(
+        prior, component_moments(prior), occlusion, situation_with([]), np.random.default_rng(0)
+    )
+    weight = [lasting + (1.0 - lasting) * (1.0 - seen) for seen in detected / (1.0 - run)]
+    assert np.exp(after.mixture.cloud.log_weight) == pytest.approx(np.array(weight) / sum(weight))
+    sources = after.mixture.components
+    assert sources.missed == pytest.approx([run / (1.0 - detected.mean())])
+    assert sources.unexplained == pytest.approx([lasting / np.mean(weight)])
+
+
+def test_a_run_lasts_on_for_longer_the_longer_it_has_lasted() -> None:
+    prior = belief_of([cloud_at(PLACE)] * 2, missed=[1.0, 1.0], unexplained=[1.0, 1.0], unseen_s=[0.1, 3.0])
+    occlusion = rule_with().assert_occlusion(prior, component_moments(prior), situation_with([]))
+    assert occlusion.run_probability[0] < occlusion.lasting_probability[0] < occlusion.lasting_probability[1]
 
 
 def changed(mixture: Mixture, situation: Situation, claims: list[float], **groups: dict[str, object]) -> Mixture:

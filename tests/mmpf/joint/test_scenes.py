@@ -61,7 +61,7 @@ def test_a_measured_speed_that_tells_vehicles_from_clutter_no_better_than_chance
     detections = replace(situation.scan.detections, speed_mps=np.array([20.0]), std_speed_mps=np.array([std]))
     situation = replace(situation, scan=replace(situation.scan, detections=detections))
     occlusion = replace(rule.assert_occlusion(prior, component_moments(prior), situation), detection_probability=every)
-    occlusion = replace(occlusion, run_probability=np.zeros(1))
+    occlusion = replace(occlusion, run_probability=np.zeros(1), lasting_probability=np.zeros(1))
     found = rule.measurement_update(prior, component_moments(prior), occlusion, situation, np.random.default_rng(0))
     assert found.mixture.components.existence == pytest.approx(plain.mixture.components.existence)
     assert found.birth_claim == pytest.approx(plain.birth_claim)
