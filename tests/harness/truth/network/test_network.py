@@ -2,6 +2,7 @@
 
 import itertools
 
+import numpy as np
 import pytest
 
 from harness.common.errors import InputError
@@ -31,7 +32,7 @@ def test_edges_of_the_main_road_abut_so_that_nothing_jumps_between_them(us101):
 
 def test_road_frame_is_the_plane_turned_and_shifted(us101):
     assert us101.road.is_straight
-    inside = us101.road.to_cartesian(*(value[None] for value in _point(10.0, 5.0)))
+    inside = us101.road.to_cartesian(np.array([10.0]), np.array([5.0]))
     assert us101.road.to_road(*inside) == (pytest.approx(10.0), pytest.approx(5.0))
 
 
@@ -90,11 +91,4 @@ def test_what_is_missing_or_malformed_of_a_network_is_named(files, asked, named,
 
 
 def test_off_the_lanes_there_is_no_lane(us101):
-    lon, lat = _point(100.0, -2.0)
-    assert us101.road.lane_number_at(lon[None], lat[None])[0] == NO_LANE
-
-
-def _point(lon, lat):
-    import numpy as np  # noqa: PLC0415
-
-    return np.float64(lon), np.float64(lat)
+    assert us101.road.lane_number_at(np.array([100.0]), np.array([-2.0]))[0] == NO_LANE
