@@ -331,7 +331,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             raise InputError("`resume`: name the folder of the run; for example `out` results/cam")
         config = _run_config(values)
         # Only now: what is wrong with the input is told before anything heavy is imported.
-        from harness.report import figures, page, video  # noqa: PLC0415
+        from harness.report import page, pictures, video  # noqa: PLC0415
         from harness.running import open as opening  # noqa: PLC0415
         from harness.running import run as running  # noqa: PLC0415
 
@@ -346,7 +346,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             resume=values["resume"],
             command=command,
             quiet=quiet,
-            draw=running.Drawing(figures.draw_figures, page.write_run_page),
+            draw=running.Drawing(pictures.draw_figures, page.write_run_page),
             open_snapshots=partial(
                 opening.open_snapshots, simulate=partial(opening.simulate, gui=values["gui"]), ahead=not values["gui"]
             ),

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.analysis.arms import TOLERATED_LOSS, Arms, measure
+from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
 from harness.analysis.experiments import differing, differing_code, on_other_traffic
-from harness.analysis.pairing import pair
 from harness.analysis.single import FOLLOWED, compare_runs, notes_of
 from harness.analysis.sources import SETTING, Source
 from harness.analysis.verdicts import (

@@ -16,10 +16,9 @@ from harness.common.charts import draw_charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
-from harness.grid.cells import Cell, GridPlan, labels_markdown
+from harness.grid.cells import Cell, GridPlan, assemble, labels_markdown
 from harness.grid.making import SUMMARY, TABLE, Making, Telling, keeping, make_rows
 from harness.grid.pool import OnRow, run_cells
-from harness.grid.result_rows import assemble
 from harness.grid.stress import check_grid
 from harness.scoring.metrics.closedloop import COLLIDED, IMPACT, WITH
 from harness.storage import ownership

@@ -26,8 +26,7 @@ from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import LiveTraffic
 from harness.common.errors import InputError, RunError
 from harness.common.isolation import DIES_WITH_PARENT, ProcessLimits, streamed
-from harness.grid.cells import Cell
-from harness.grid.result_rows import failed_row, finished_row
+from harness.grid.cells import Cell, failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Message, Report, Started, serve
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.snapshots import RandomStreams, SnapshotStream

@@ -15,7 +15,7 @@ from mlflow.exceptions import MlflowException
 
 from harness.common.errors import InputError
 from harness.export.experiments import PAGE, LoggedRun, files_in, logged_runs, register
-from harness.export.packing import target_of
+from harness.export.formats import target_of
 
 ADDRESS, STORE, ARTIFACTS = "MLFLOW_TRACKING_URI", "mlflow.db", "artifacts"
 MOST_AT_ONCE = 100

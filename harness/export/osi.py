@@ -2,14 +2,17 @@
 
 Sensor data is in the frame of the ego, whose origin is declared to be the middle of its box (``bbcenter_to_rear`` is
 zero), since nothing is known of its axles. Lanes and the lines between them are in every message of the ground truth,
-since each stands for itself. Detections have their measured sizes, tracks the median of those measured of them;
-velocities of tracks are over ground, in the axes of that frame. Numbers of vehicles are those of ``vehicles.csv``.
+since each stands for itself. Nothing is known of the paint: a line that bounds two lanes, which vehicles cross, is
+declared dashed, one at the road's edge an edge. Detections have their measured sizes, tracks the median of those
+measured of them; velocities of tracks are over ground, in the axes of that frame. Numbers of vehicles are those of
+``vehicles.csv``.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +20,12 @@ import numpy as np
 import pandas as pd
 from osi3.osi_detectedobject_pb2 import DetectedItemHeader
 from osi3.osi_groundtruth_pb2 import GroundTruth
+from osi3.osi_lane_pb2 import Lane as LaneMessage
+from osi3.osi_lane_pb2 import LaneBoundary
 from osi3.osi_object_pb2 import MovingObject
 from osi3.osi_sensordata_pb2 import SensorData
 
-from harness.export.lanes import NO_STRIP, lanes_of
-from harness.export.osi_lanes import OsiLanes, osi_lanes
+from harness.export.lanes import NO_STRIP, DrivenLanes, LanePolyline, lanes_of
 from harness.export.sizes import SIZE, detection_sizes, track_sizes
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
@@ -165,3 +169,65 @@ def _steps(table: pd.DataFrame) -> dict[int, slice]:
     steps, first = np.unique(table["step"].to_numpy(dtype=np.int64), return_index=True)
     ends = np.append(first[1:], len(table))
     return {int(step): slice(int(begin), int(end)) for step, begin, end in zip(steps, first, ends, strict=True)}
+
+
+LINE_WIDTH_M = 0.15
+
+
+@dataclass(frozen=True)
+class OsiLanes:
+    """Lanes and boundaries with identifiers that no vehicle has, and what each message of ground truth has of them.
+
+    The first lane's identifier is ``first_id``; the boundaries' come after the lanes'.
+    """
+
+    lanes: DrivenLanes
+    first_id: int
+    content: GroundTruth
+
+    def assigned(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
+        """Return the identifier of the lane at each position, shape (n,); -1 for none."""
+        strip = self.lanes.strip_at(lon_m, lat_m)
+        return np.where(strip == NO_STRIP, NO_STRIP, strip + self.first_id)
+
+    def add_to(self, message: GroundTruth, of_host: int) -> None:
+        """Put the lanes into a message; ``of_host`` is the identifier of the lane that the ego is on, -1 for none."""
+        message.MergeFrom(self.content)
+        if of_host != NO_STRIP:
+            message.lane[of_host - self.first_id].classification.is_host_vehicle_lane = True
+
+
+def osi_lanes(lanes: DrivenLanes, first_id: int) -> OsiLanes:
+    """Return the lanes as messages whose identifiers begin with a number."""
+    content = GroundTruth()
+    first_line = first_id + len(lanes.strips)
+    for number, strip in enumerate(lanes.strips):
+        message = content.lane.add()
+        message.id.value = first_id + number
+        about = message.classification
+        about.type, about.subtype = LaneMessage.Classification.TYPE_DRIVING, LaneMessage.Classification.SUBTYPE_NORMAL
+        about.centerline_is_driving_direction = True
+        middle = LanePolyline(strip.lane.centre_m, strip.lane.start_m, strip.lane.end_m)
+        _add_points(about.centerline, middle.points(lanes.road))
+        about.left_lane_boundary_id.add(value=first_line + strip.left)
+        about.right_lane_boundary_id.add(value=first_line + strip.right)
+        for other in strip.left_neighbours:
+            about.left_adjacent_lane_id.add(value=first_id + other)
+        for other in strip.right_neighbours:
+            about.right_adjacent_lane_id.add(value=first_id + other)
+    between = {strip.left for strip in lanes.strips if strip.left_neighbours}
+    between |= {strip.right for strip in lanes.strips if strip.right_neighbours}
+    for number, line in enumerate(lanes.lines):
+        boundary = content.lane_boundary.add()
+        boundary.id.value = first_line + number
+        kind = "TYPE_DASHED_LINE" if number in between else "TYPE_ROAD_EDGE"
+        boundary.classification.type = getattr(LaneBoundary.Classification, kind)
+        for x, y in line.points(lanes.road).tolist():
+            point = boundary.boundary_line.add(width=LINE_WIDTH_M)
+            point.position.x, point.position.y, point.position.z = x, y, 0.0
+    return OsiLanes(lanes, first_id, content)
+
+
+def _add_points(line: Any, points: FloatArray) -> None:  # noqa: ANN401  messages have no types of their own
+    for x, y in points.tolist():
+        line.add(x=x, y=y, z=0.0)

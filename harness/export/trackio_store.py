@@ -15,7 +15,7 @@ from typing import Any
 
 from harness.common.errors import InputError
 from harness.export.experiments import PAGE, LoggedRun, files_in, logged_runs, register
-from harness.export.packing import target_of
+from harness.export.formats import target_of
 
 PLACE, ELSEWHERE = "TRACKIO_DIR", ("TRACKIO_SPACE_ID", "TRACKIO_SERVER_URL")
 if find_spec("trackio") is None:

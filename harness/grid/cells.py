@@ -1,17 +1,33 @@
-"""The grid of a stress test: cells of shared truth and detections, and the runs over each."""
+"""The grid of a stress test: cells of shared truth and detections, the runs over each, and their rows."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from harness.config.model import RunConfig, TrackerConfig, TrafficConfig
+import pandas as pd
+
+from harness.config.layers import leaves
+from harness.config.model import DEFAULT_TRACKER, RunConfig, TrackerConfig, TrafficConfig
+from harness.config.options import keys_of_options
 from harness.running.provenance import model_files
-from harness.storage.schema import DEMAND, DENSITY, MISMATCH, MODEL_FILE, NET, RECORDING, SEED
+from harness.storage.grid_rows import TEXT_COLUMNS, Row, flattened
+from harness.storage.schema import (
+    DEMAND,
+    DENSITY,
+    MISMATCH,
+    MODEL_FILE,
+    NET,
+    RECORDING,
+    RUN_IDENTITY,
+    RUN_OUTCOME,
+    SEED,
+)
 
 CellTraffic = tuple[TrafficConfig, int, str | None]
 """Settings of traffic, its seed and its recording: cells that agree in them see the same vehicles."""
@@ -132,3 +148,52 @@ def _traffic_word(config: RunConfig) -> str:
     if config.replay is not None:
         return Path(config.replay).stem
     return f"d{traffic.density:g}" if traffic.density is not None else traffic.demand or ""
+
+
+def finished_row(run: PlannedRun, metrics: Mapping[str, Any], total_s: float) -> Row:
+    """Return the row of a run that ended well."""
+    scores = {name: value for name, value in metrics.items() if name != "run"}
+    return {**run.identity(), "succeeded": True, "error": None, "total_s": total_s, **flattened(scores)}
+
+
+def failed_row(run: PlannedRun, error: str, total_s: float) -> Row:
+    """Return the row of a run that did not."""
+    return {**run.identity(), "succeeded": False, "error": " ".join(error.split()), "total_s": total_s}
+
+
+def assemble(grid: GridPlan, rows: Mapping[str, Row]) -> pd.DataFrame:
+    """Return the table of a grid, one row for each run in the grid's order, columns in a fixed order."""
+    ordered = [rows[run.key] for run in grid.runs]
+    metrics = dict.fromkeys(name for row in ordered for name in row)
+    identity, outcome = ([column.name for column in columns] for columns in (RUN_IDENTITY, RUN_OUTCOME))
+    head = [*identity, *grid.axes, *outcome]
+    columns = [*head, *sorted(name for name in metrics if name not in head)]
+    table = pd.DataFrame({name: [row.get(name) for row in ordered] for name in columns})
+    for name in columns:
+        if name in TEXT_COLUMNS:
+            table[name] = table[name].astype(object).where(table[name].notna(), None)
+        elif name not in ("seed", "succeeded"):
+            table[name] = table[name].astype("float64")
+    return table
+
+
+ALWAYS = ("traffic.density", "traffic.demand", "seed")
+
+
+def command_of(config: RunConfig) -> str:
+    """Return the command line that makes this very run again; what is not said in it is the default."""
+    default = dict(leaves(RunConfig(tracker=TrackerConfig(name=config.tracker.name)).as_table()))
+    words = ["python", "-m", "harness", "run"]
+    for key, value in leaves(config.as_table()):
+        if key in ALWAYS or value != (DEFAULT_TRACKER if key == "tracker.name" else default.get(key)):
+            words += _said(key, value)
+    return shlex.join(words)
+
+
+def _said(key: str, value: object) -> list[str]:
+    option_of = {key: name for name, key in keys_of_options().items()}
+    if key in option_of:
+        return [f"--{option_of[key].replace('_', '-')}", str(value)]
+    # A text stands for itself that TOML would not read as a number, a truth value or a list.
+    plain = isinstance(value, str) and value not in ("true", "false", "nan", "inf") and value.replace("_", "").isalpha()
+    return ["--set", f"{key}={value if plain else json.dumps(value)}"]

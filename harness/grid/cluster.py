@@ -9,9 +9,8 @@ from importlib import import_module
 from typing import Any
 
 from harness.common.errors import InputError, RunError
-from harness.grid.cells import Cell
+from harness.grid.cells import Cell, failed_row
 from harness.grid.pool import OnRow, run_cells
-from harness.grid.result_rows import failed_row
 from harness.storage.grid_rows import Row
 
 # Dask has no types of its own.

@@ -1,4 +1,4 @@
-"""A pool of worker processes that are watched, and replaced when they die or hang."""
+"""A pool of worker processes that are watched, and replaced when they die or hang; and the queue of cells for them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from multiprocessing import Pipe
@@ -16,9 +17,7 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import IO
 
-from harness.grid.cell_queue import CellQueue
-from harness.grid.cells import Cell, CellTraffic, PlannedRun
-from harness.grid.result_rows import failed_row
+from harness.grid.cells import Cell, CellTraffic, PlannedRun, failed_row
 from harness.grid.worker import CELL, CellDone, Finished, Message, Started
 from harness.storage.grid_rows import Row
 
@@ -167,3 +166,43 @@ class _Worker:
             return f"exit code {code}{': ' if last else ''}{last}"
         hint = ", out of memory perhaps" if -code == signal.SIGKILL else ""
         return f"signal {signal.Signals(-code).name}{hint}"
+
+
+class CellQueue:
+    """Hands out cells so that a worker reuses the traffic that it remembers where possible."""
+
+    def __init__(self, cells: Iterable[Cell]) -> None:
+        """Take in the cells; traffic is begun in their order."""
+        self._new: dict[CellTraffic, deque[Cell]] = {}
+        self._begun: dict[CellTraffic, deque[Cell]] = {}
+        for cell in cells:
+            self._new.setdefault(cell.traffic, deque()).append(cell)
+
+    def __bool__(self) -> bool:
+        return bool(self._new or self._begun)
+
+    def take(self, remembered: CellTraffic | None) -> Cell:
+        """Take the next cell: of the remembered traffic, else of traffic that no worker has begun, else any.
+
+        Args:
+            remembered: Traffic of the cell that the worker did last; None for a new one.
+
+        Raises:
+            ValueError: No cell waits.
+        """
+        traffic = remembered
+        if traffic not in self._begun:
+            if self._new:
+                traffic = next(iter(self._new))
+                self._begun[traffic] = self._new.pop(traffic)
+            else:
+                traffic = max(self._begun, key=lambda key: len(self._begun[key]))
+        cells = self._begun[traffic]
+        cell = cells.popleft()
+        if not cells:
+            del self._begun[traffic]
+        return cell
+
+    def put_back(self, cell: Cell) -> None:
+        """Let a cell wait again, before the others of its traffic."""
+        self._begun.setdefault(cell.traffic, deque()).appendleft(cell)

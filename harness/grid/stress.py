@@ -20,10 +20,9 @@ from harness.common.charts import draw_charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
-from harness.grid.cells import GridPlan, distinct_trackers, labels_markdown
+from harness.grid.cells import GridPlan, assemble, distinct_trackers, labels_markdown
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
-from harness.grid.result_rows import assemble
 from harness.running.open import check_driver, check_tracker, open_snapshots
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_folder import FIGURES, RUNS

@@ -2,6 +2,12 @@
 
 A process of its own because libsumo holds one simulation a process, and because only a process can be stopped when a
 run hangs.
+
+Each row compares hidden vehicles with constant-velocity prediction from the state at which each was last seen. The
+guess is made by Kalman filters of constant velocity that are told which vehicle each detection is of, so that no mix-up
+weighs on it, and what the sensor reports as it is, whatever ``tracker.believes`` makes the trackers believe: all
+trackers of one world are held against one guess. Errors are compared on the vehicle-steps that both follow: a tracker
+that lets go of difficult vehicles does not look better for it.
 """
 
 from __future__ import annotations
@@ -10,25 +16,34 @@ import os
 import queue
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from multiprocessing.connection import Connection
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from harness.grid.cells import Cell, PlannedRun
-from harness.grid.coasting import against_coasting, coasting_errors
-from harness.grid.rerun import command_of
-from harness.grid.result_rows import failed_row, finished_row
-from harness.running.evaluate import evaluation_of, write_run
-from harness.running.open import OpenSnapshots, open_snapshots
-from harness.running.remembered import RememberedTraffic
+import numpy as np
+import numpy.typing as npt
+
+from harness.analysis.coasting_ratio import COASTING_TRACKER
+from harness.config.model import RunConfig, TrafficConfig
+from harness.grid.cells import Cell, PlannedRun, command_of, failed_row, finished_row
+from harness.running.evaluate import evaluate, evaluation_of, write_run
+from harness.running.open import OpenSnapshots, open_snapshots, simulate
 from harness.running.snapshots import SnapshotStream
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
+from harness.scoring.metrics.mae import HIDDEN_BINS_S
+from harness.scoring.metrics.paired import paired_errors
 from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_rows import Row
+from harness.storage.schema import HIDDEN, VISIBILITY_STATES
+from harness.trackers.catalogue import build_tracker
+from harness.truth.frame import Frame, TruthSource
+from harness.truth.network.network import Network
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,3 +149,74 @@ def _receive(connection: Connection, cells: queue.SimpleQueue[Cell]) -> None:
             cells.put(connection.recv())
         except (EOFError, OSError):
             os._exit(0)
+
+
+def coasting_errors(snapshots: SnapshotStream, seed: int) -> pd.DataFrame:
+    """Return the error table of coasting over snapshots that are kept."""
+    evaluated = evaluate(snapshots, lambda setting: build_tracker(COASTING_TRACKER, setting, {}), seed)
+    return evaluated.tables[runfolder.ERRORS]
+
+
+def against_coasting(errors: pd.DataFrame, coasting: pd.DataFrame) -> dict[str, Any]:
+    """Return mean errors of hidden vehicles beside those of coasting on the same rows.
+
+    Returns:
+        ``hidden`` over all, ``by_seconds_hidden`` by the time since the last detection: mean absolute longitudinal
+        errors ``lon_m`` and ``coasting_lon_m``, None without rows, and their number ``n``.
+    """
+    both = paired_errors(errors, coasting)
+    both = both[both["state"] == VISIBILITY_STATES[HIDDEN]]
+    unseen_s = both["seconds_hidden"].to_numpy(dtype=np.float64)
+    bins = []
+    for from_s, to_s in pairwise(HIDDEN_BINS_S):
+        inside = (unseen_s > from_s + TIME_TOLERANCE_S) & (unseen_s <= to_s + TIME_TOLERANCE_S)
+        bins.append({"from_s": from_s, "to_s": to_s, **_means(both, inside)})
+    return {"hidden": _means(both, np.ones(len(both), dtype=np.bool_)), "by_seconds_hidden": bins}
+
+
+def _means(both: pd.DataFrame, chosen: npt.NDArray[np.bool_]) -> dict[str, Any]:
+    own, coasting = (both[f"lon_error_m_{side}"].to_numpy(dtype=np.float64)[chosen] for side in ("a", "b"))
+    if not len(own):
+        return {"lon_m": None, "coasting_lon_m": None, "n": 0}
+    return {"lon_m": float(np.abs(own).mean()), "coasting_lon_m": float(np.abs(coasting).mean()), "n": len(own)}
+
+
+class RememberedTraffic:
+    """Opens snapshots as ``open_snapshots`` does; the frames of the traffic simulated last are kept, and played again.
+
+    Frames are frozen, and a simulation does not depend on who looks at it, so that the snapshots are the same.
+    """
+
+    def __init__(self) -> None:
+        """Prepare to open snapshots; nothing is remembered yet."""
+        self._key: tuple[TrafficConfig, int, float] | None = None
+        self._last: _Noted | None = None
+
+    def __call__(self, config: RunConfig) -> SnapshotStream:
+        """Return the snapshots that the configuration describes; see ``open_snapshots``."""
+        return open_snapshots(config, simulate=self._simulate)
+
+    def _simulate(self, network: Network, traffic: TrafficConfig, seed: int, reach_m: float) -> TruthSource:
+        key = traffic, seed, reach_m
+        if self._last is None or self._key != key or not self._last.is_whole:
+            self._last = None
+            self._key, self._last = key, _Noted(simulate(network, traffic, seed, reach_m))
+        return self._last
+
+
+class _Noted:
+    """A simulation whose frames are noted as they are yielded, and played again once all were."""
+
+    def __init__(self, truth: TruthSource) -> None:
+        self.road, self.step_s, self.expected_steps = truth.road, truth.step_s, truth.expected_steps
+        self.close, self.is_whole = truth.close, False
+        self._truth, self._frames = truth, list[Frame]()
+
+    def frames(self) -> Iterator[Frame]:
+        if self.is_whole:
+            yield from self._frames
+            return
+        for frame in self._truth.frames():
+            self._frames.append(frame)
+            yield frame
+        self.is_whole = True

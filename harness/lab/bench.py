@@ -20,7 +20,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from harness.common.errors import InputError
-from harness.running.memory import keep_freed_memory
+from harness.running.follow import keep_freed_memory
 from harness.running.watchers import DiagnosedTracker
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker

@@ -1,4 +1,4 @@
-"""The page of a comparison; two runs on the same detections share one replay, side by side."""
+"""The page of a comparison: two runs on the same detections share one replay, side by side, as kept runs of a grid."""
 
 from __future__ import annotations
 
@@ -8,16 +8,24 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from harness.analysis.compare import Judgement
+from harness.analysis.compare import Judgement, compare
 from harness.analysis.comparison_text import as_markdown
+from harness.analysis.sources import open_source
 from harness.analysis.why import SWITCH, TrackFailure, Why
+from harness.common.files import write_text
+from harness.common.progress import progress_bar
+from harness.grid.cells import Cell, PlannedRun
 from harness.report.comparison_chart import comparison_charts
 from harness.report.folder_page import as_html, text_page, title_of
-from harness.report.page import MOST_SHOWN, chart_parts, render, replay_parts
+from harness.report.grid_runs import BESIDE, plan_of
+from harness.report.page import MOST_SHOWN, PAGE, chart_parts, render, replay_parts, write_run_page
 from harness.report.replay_data import SecondRun
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.scoring.evidence.rules import TIME_TOLERANCE_S
+from harness.storage import ownership
+from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
+from harness.storage.grid_folder import KEPT
 from harness.storage.tables import floats
 
 UNFOLLOWED, SWITCHED, FARTHER = range(3)
@@ -131,3 +139,27 @@ def _headings(why: Why, runs: tuple[RecordedRun, RecordedRun]) -> tuple[tuple[st
     """Return for each side the label of its tracker, and its folder."""
     folders = (why.folder_a, why.folder_b)
     return tuple((run.config.tracker.in_words(), folder) for run, folder in zip(runs, folders, strict=True))
+
+
+def write_kept_pages(folder: Path, quiet: bool) -> None:
+    """Write the pages of a grid's kept runs, and of each tracker beside the first of its cell."""
+    grid = plan_of(folder)
+    runs = grid.runs if grid is not None else ()
+    kept = {run.key for run in runs if (folder / KEPT / run.key / runfolder.MANIFEST).is_file()}
+    with progress_bar("pages of the runs", len(kept), quiet) as advance:
+        for cell in grid.cells if grid is not None else ():
+            for run in (run for run in cell.runs if run.key in kept):
+                if not (folder / KEPT / run.key / PAGE).is_file():
+                    write_run_page(folder / KEPT / run.key)
+                    _write_beside(folder, cell, run, kept)
+                advance()
+
+
+def _write_beside(folder: Path, cell: Cell, run: PlannedRun, kept: set[str]) -> None:
+    first = cell.runs[0]
+    if run.key == first.key or first.key not in kept:
+        return
+    a, b = (open_source(str(folder / KEPT / each.key), "folder") for each in (first, run))
+    page = b.folder / BESIDE
+    write_text(page, comparison_page(compare(a, b)))
+    ownership.add(b.folder, [page])

@@ -19,9 +19,8 @@ from harness.analysis.verdicts import compared_quantities
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.untrusted_files import read_json
-from harness.grid.cells import GridPlan, PlannedRun
+from harness.grid.cells import GridPlan, PlannedRun, command_of
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.rerun import command_of
 from harness.report.html_tables import html_table
 from harness.report.page import PAGE
 from harness.scoring.metrics.quantity import Quantity

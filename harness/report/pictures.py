@@ -1,4 +1,4 @@
-"""Figures for papers: redraws a finished folder's figures as PNG, SVG or PDF, with the same bytes each time."""
+"""Figures of a run, and those of any folder redrawn for papers as PNG, SVG or PDF, with the same bytes each time."""
 
 from __future__ import annotations
 
@@ -15,13 +15,21 @@ from harness.common.errors import InputError
 from harness.common.files import save_figure
 from harness.grid.grid import title_of
 from harness.report.failures import AFTERWARDS_S, worst_failures
-from harness.report.figures import BY_VISIBILITY, DIAGNOSTICS, OVER_TIME
 from harness.report.grid_runs import plan_of
-from harness.report.run_charts import diagnostics_charts, diagnostics_of, error_charts, visibility_charts
+from harness.report.run_charts import (
+    BY_VISIBILITY,
+    DIAGNOSTICS,
+    OVER_TIME,
+    diagnostics_charts,
+    diagnostics_of,
+    error_charts,
+    visibility_charts,
+)
 from harness.report.scene import PictureScene, scene_figure
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.running.recorder import tracks_of
 from harness.running.replay import snapshots_of
+from harness.running.run import Pictured
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
@@ -89,3 +97,24 @@ def _of_grid(folder: Path, place: Path, kind: str) -> Iterator[Path]:
         path = place / f"over_{axis.replace('.', '_')}.{kind}"
         draw_charts(curve_charts(points, axis), title, path)
         yield path
+
+
+def draw_figures(folder: Path, pictured: Pictured) -> None:
+    """Draw all figures of a run into a new folder."""
+    folder.mkdir()
+    title, moment = pictured.title, pictured.moment
+    if moment is not None:
+        snapshot = moment.snapshot
+        scene = PictureScene(
+            snapshot.frame,
+            snapshot.observation,
+            moment.tracks,
+            pictured.road,
+            pictured.sensor.range_m,
+            moment.particles,
+        )
+        scene_figure(scene, f"{title}: {snapshot.frame.time_s:.1f} s").savefig(folder / "scene.png")
+    draw_charts(error_charts(pictured.errors), title, folder / OVER_TIME)
+    draw_charts(visibility_charts(pictured.metrics["mae"]), title, folder / BY_VISIBILITY)
+    if pictured.diagnostics is not None:
+        draw_charts(diagnostics_charts(pictured.diagnostics), title, folder / DIAGNOSTICS)

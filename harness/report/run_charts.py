@@ -21,6 +21,8 @@ ERROR_COLUMNS = (
     ("lat_error_m", "lat_m", "lateral position, m"),
     ("speed_error_mps", "speed_mps", "speed, m/s"),
 )
+OVER_TIME, BY_VISIBILITY, DIAGNOSTICS = "error_over_time.png", "error_by_visibility.png", "diagnostics.png"
+"""Files of the pictures in a run's folder."""
 FEWEST_SAMPLES = 5
 HINT = "Point at a value to read it; click it to see that moment in the replay; a click on a name shows it alone."
 LEVELS = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from array import array
 from collections.abc import Callable, MutableSequence, Sequence
 from copy import deepcopy
@@ -12,7 +14,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from harness.common.errors import InputError, RunError
-from harness.running.memory import keep_freed_memory
 from harness.running.recorder import ColumnRecorder
 from harness.running.snapshots import SnapshotStream
 from harness.sensor.observation import Snapshot
@@ -170,3 +171,25 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
         sizes=sizes,
     )
     return replace(scan, detections=believed)
+
+
+TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = -1, -2, -3
+LARGEST_ALLOWED_BYTES = 32 * 2**20
+NEVER_BYTES = 2**31 - 1
+PAD_BYTES = 64 * 2**20
+
+
+def keep_freed_memory() -> None:
+    """Tell glibc's allocator to keep freed memory and to serve large arrays from it.
+
+    Each step of a tracker lets go of arrays as large as the next step asks for. Handed back to the system, they cost a
+    page fault for every 4 KiB when they come back: about a tenth of a step. Other allocators are left as they are.
+    """
+    if sys.platform != "linux":
+        return
+    set_option = getattr(ctypes.CDLL(None), "mallopt", None)
+    if set_option is None:
+        return
+    set_option(MMAP_THRESHOLD, LARGEST_ALLOWED_BYTES)
+    set_option(TRIM_THRESHOLD, NEVER_BYTES)
+    set_option(TOP_PAD, PAD_BYTES)

@@ -12,8 +12,7 @@ import tomli_w
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.untrusted_files import checked_path
-from harness.config.consent import check_modules
-from harness.config.layers import config_from_table, leaves, merged, parameter_of, table_of_file
+from harness.config.layers import check_modules, config_from_table, leaves, merged, parameter_of, table_of_file
 from harness.config.model import RunConfig, SensorConfig, brings_its_own_demand
 from harness.decisions.drivers.protocol import drivers
 from harness.sensor.profiles import has_all_figures, is_built_in, sensor_profiles, sensor_settings

@@ -1,4 +1,4 @@
-"""One run from configuration to finished folder."""
+"""One run from configuration to finished folder; a finished run that is the same may be kept."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.isolation import trusted
 from harness.common.progress import progress_bar, working
 from harness.common.signals import signals_held, told_to_end
+from harness.config.layers import config_from_table, leaves
 from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
-from harness.running.kept import kept_metrics
 from harness.running.open import OpenSnapshots, check_driver, check_tracker, open_snapshots
 from harness.running.provenance import provenance_of
 from harness.running.resolve import write_config
@@ -28,12 +28,14 @@ from harness.running.watchers import DiagnosticsKeeper, MomentKeeper, ParticleKe
 from harness.running.write import RunWriter
 from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
-from harness.storage.growing import sampled_rows
+from harness.storage.manifest import CODE, INPUTS, check_unedited
+from harness.storage.tables import sampled_rows
 from mmpf.map.road import Road
 from mmpf.scan import SensorModel
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 MOST_DRAWN = 300_000
 """About how many rows of a table figures show at most: those of some steps of a long run."""
@@ -259,3 +261,42 @@ class _Attempt:
             moment=moment.moment,
             diagnostics=sampled_rows(told, MOST_DRAWN) if told.is_file() else None,
         )
+
+
+def kept_metrics(
+    config: RunConfig, out: Path, open_snapshots: OpenSnapshots, tell: Callable[[str], object]
+) -> dict[str, Any] | None:
+    """Return the metrics of the finished run in a folder, or None if there is none and it has to be made.
+
+    A run that was interrupted begins anew, since neither a simulator nor a tracker can go on in the middle.
+
+    Args:
+        out: The folder.
+        open_snapshots: Opens the traffic, whose files are compared with those of the run.
+        tell: Called with a sentence on what is kept.
+
+    Raises:
+        InputError: It did not end, was edited, or has other settings, code, models or input files.
+    """
+    if not out.exists():
+        left = out.with_name(out.name + runfolder.INCOMPLETE_SUFFIX)
+        interrupted = f"; the steps in {left} can't be continued and stay there" if left.is_dir() else ""
+        tell(f"nothing is kept: there is no finished run in {out}{interrupted}")
+        return None
+    manifest = runfolder.read_manifest(out, "out")
+    check_unedited(out, manifest, "out")
+    before = dict(leaves(config_from_table(runfolder.read_config_table(out, "out")).model_dump()))
+    now = dict(leaves(config.model_dump()))
+    differs = [f"{key} {before.get(key)} there, {now.get(key)} now" for key in now if before.get(key) != now[key]]
+    code, models = provenance_of([config])
+    snapshots = open_snapshots(config)
+    snapshots.close()
+    for noted, found in ((manifest.get(CODE) or {}, code), (manifest.get(INPUTS) or {}, snapshots.hashes() | models)):
+        differs += [f"{name} has changed" for name in found if noted.get(name) != found[name]]
+    if differs:
+        raise InputError(
+            f"`resume`: the run in {out} is another one ({'; '.join(differs)}); choose another `out`, or replace it by "
+            "`force` without `resume`"
+        )
+    tell(f"the {manifest['steps']} steps in {out} are kept, nothing is made")
+    return runfolder.read_metrics(out, "out")

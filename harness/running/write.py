@@ -16,8 +16,8 @@ from harness.common.files import write_text
 from harness.common.numbers import as_json
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of
-from harness.storage.growing import GrowingTables
 from harness.storage.manifest import RunFacts, hashes_of, write_manifest
+from harness.storage.tables import GrowingTables
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,8 +17,8 @@ from harness.grid.grid import GridRequest
 from harness.grid.stress import run_stress
 from harness.lab.ablation import ablated_quantities
 from harness.plugins import Quantity, register_metric
-from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
+from harness.report.pictures import draw_figures
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
 from harness.scoring.metrics import registry

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,18 @@ import typer
 
 from harness.analysis.compare import compare
 from harness.analysis.comparison_text import as_markdown, print_comparison
-from harness.analysis.gate_file import read_gate
-from harness.analysis.gate_text import as_junit, as_summary
-from harness.analysis.sources import Source, open_source
+from harness.analysis.gate import as_junit, as_summary, read_gate
+from harness.analysis.sources import STANDARD, Source, open_source
 from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import DONE, UNDECIDED, WORSE
-from harness.common.files import write_text, writing
+from harness.common.files import replacing, write_text, writing
 from harness.config.lists import names
-from harness.lab.suite import BASELINE, keep_as_baseline, run_suite
+from harness.grid.grid import GridRequest
+from harness.grid.making import TABLE, on_stderr
+from harness.grid.pool import run_cells
+from harness.grid.stress import FinishedGrid, run_stress
+from harness.storage import run_folder as runfolder
+from harness.storage.grid_folder import GRID, RUNS
 
 MARK = "<!-- written by harness compare -->"
 WRITTEN = ("markdown", "html", "junit", "summary")
@@ -100,3 +105,47 @@ def _sides(options: Mapping[str, Any]) -> tuple[Source, Source] | None:
     if suite is None and len(given) == 2 and baseline is None:
         return open_source(given[0], "folders"), open_source(given[1], "folders")
     raise InputError("compare: give two folders, one folder with `baseline`, or `suite`; for example compare A B")
+
+
+SUITES = {
+    STANDARD: GridRequest(
+        net="us101", densities="20,40", trackers="mmpf", models="cvm,gmm", seeds="10", duration_s=30.0, particles=200
+    ),
+}
+BASELINE = Path("results/reference")
+KEPT = (RUNS, GRID, TABLE, runfolder.MANIFEST)
+
+
+def keep_as_baseline(finished: FinishedGrid, name: str, baseline: Path) -> Path:
+    """Copy what later comparisons need into the folder of baselines, over an earlier one, and return where it lies."""
+    folder = baseline / name
+    folder.mkdir(parents=True, exist_ok=True)
+    for file in KEPT:
+        with replacing(folder / file) as temporary:
+            shutil.copyfile(finished.folder / file, temporary)
+    return folder
+
+
+def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) -> FinishedGrid:
+    """Run a suite.
+
+    Args:
+        name: Its name.
+        out: Folder to write.
+        workers: Number of worker processes.
+        resume: Whether runs that the folder already holds are kept.
+        quiet: Whether to leave out the progress bar.
+
+    Raises:
+        InputError: There is no such suite, or the folder is wrong.
+    """
+    if name not in SUITES:
+        raise InputError(f"`suite` {name}: no such suite; choose one of {', '.join(SUITES)}")
+    return run_stress(
+        SUITES[name],
+        out,
+        lambda cells, on_row: run_cells(cells, workers, None, on_row),
+        resume=resume,
+        user=on_stderr(quiet),
+        command=f"harness compare --suite {name}",
+    )

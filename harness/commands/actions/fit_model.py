@@ -12,7 +12,7 @@ from harness.common.errors import InputError
 from harness.config.lists import numbers, seed_values
 from harness.lab.fit.train import EMPIRICAL, RECURRENT, RESIDUAL, TrainingPlan, train
 from harness.lab.fit.turning_fit import ON_NETWORKS, TURNING, train_turning
-from harness.lab.windows.scenarios import DENSITIES_VEH_PER_KM_LANE, FIRST_TRAINING_SEED, TRAINING_DURATION_S
+from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, FIRST_TRAINING_SEED, TRAINING_DURATION_S
 from harness.storage.schema import DENSITY_RANGE
 from harness.truth.network.network import load_network
 

@@ -1,4 +1,4 @@
-"""Fits all parts of the learned driver to windows of recorded car following."""
+"""Fits all parts of the learned driver, and the empirical follower, to windows of recorded car following."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from harness.lab.fit.recovery import FollowingRecords, demonstrated_samples, rec
 from harness.lab.windows.car_following import CarFollowing
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
+from mmpf.motion.learned.empirical import EmpiricalFollower
 from mmpf.motion.learned.features import log_headway, situation
 from mmpf.motion.learned.follower import MixtureFollower
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_inputs
-from mmpf.numerics.arrays import FloatArray, joined
+from mmpf.numerics.arrays import FloatArray, IntArray, joined
 
 FOLLOWING_SAMPLES = 300_000
 SHORT_SAMPLES = 1_200_000
@@ -164,3 +165,43 @@ def _fit_keeper(windows: CarFollowing, changes_per_s: float, step_s: float) -> L
 def _robust_std(values: FloatArray) -> float:
     """Return the standard deviation of a normal distribution with the same mean absolute value."""
     return float(np.abs(values).mean() * np.sqrt(np.pi / 2.0))
+
+
+CELLS = (8, 6, 7, 7)
+"""Along log gap, speed, closing speed and acceleration; each holds equally many moments of its axis."""
+QUANTILES = 9
+FEWEST = 30
+
+
+def fit_empirical(led: CarFollowing) -> EmpiricalFollower:
+    """Count the changes of acceleration until the next step of all windows, which must have leaders.
+
+    A cell with fewer than 30 moments takes those of its gap, speed and acceleration whatever the closing speed, then
+    those of its acceleration, so that no cell is empty where drivers have been.
+    """
+    now = slice(None, -1)
+    seen = situation(*(column[:, now].ravel() for column in situation_columns(led))).T
+    change = np.diff(led.accel_mps2, axis=1).ravel()
+    axes = (seen[0], seen[1], seen[3], seen[2])
+    inner = [np.linspace(0.0, 1.0, count + 1)[1:-1] for count in CELLS]
+    edges = tuple(np.unique(np.quantile(axis, shares)) for axis, shares in zip(axes, inner, strict=True))
+    shape = tuple(len(along) + 1 for along in edges)
+    empty = EmpiricalFollower(edges, np.zeros((*shape, QUANTILES)))
+    cell = empty.cells(seen)
+    filled, counts = _quantiles(change, cell, int(np.prod(shape)))
+    place = np.array(np.unravel_index(np.arange(len(filled)), shape))
+    for kept in ((0, 1, 3), (3,)):
+        coarse = np.ravel_multi_index(tuple(place[axis] for axis in kept), tuple(shape[axis] for axis in kept))
+        instead, enough = _quantiles(change, coarse[cell], int(coarse.max()) + 1)
+        short = (counts < FEWEST) & (enough[coarse] >= FEWEST)
+        filled[short], counts[short] = instead[coarse[short]], enough[coarse[short]]
+    return EmpiricalFollower(edges, filled.reshape(*shape, QUANTILES))
+
+
+def _quantiles(values: FloatArray, cell: IntArray, cells: int) -> tuple[FloatArray, IntArray]:
+    """Return the quantiles of the values in each cell, shape (cells, quantiles), and how many there are."""
+    order = np.lexsort((values, cell))
+    values, counts = values[order], np.bincount(cell, minlength=cells)
+    first = np.cumsum(counts) - counts
+    levels = first[:, None] + np.linspace(0.0, 1.0, QUANTILES) * np.maximum(counts - 1, 0)[:, None]
+    return values[np.minimum(np.round(levels).astype(np.int64), len(values) - 1)], counts

@@ -15,26 +15,27 @@ from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, c
 from harness.lab.fit.driver_fit import (
     FOLLOWING_SAMPLES,
     PROPOSED_CHANGES,
+    QUANTILES,
     SHORT_SAMPLES,
     driver_habit,
     fit_driver,
+    fit_empirical,
     fit_short,
     following_records,
     short_samples,
 )
-from harness.lab.fit.empirical_fit import QUANTILES, fit_empirical
 from harness.lab.fit.mixture_em import START_SAMPLES
 from harness.lab.fit.recovery import recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.lab.windows.car_following import STEPS, CarFollowing, load_following
 from harness.lab.windows.cases import cases_of, lane_change_cases
 from harness.lab.windows.changing import LaneChanges, changes_to_one_side_per_s, load_changes
-from harness.lab.windows.recording import load_all
-from harness.lab.windows.scenarios import (
+from harness.lab.windows.recording import (
     DENSITIES_VEH_PER_KM_LANE,
     FIRST_TUNING_SEED,
     TRAINING_DURATION_S,
     TUNING_DURATION_S,
+    load_all,
     record_scenarios,
     scenarios,
     traffic_version,

@@ -13,8 +13,7 @@ from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.lab.fit.card import TRAFFIC, write_card
 from harness.lab.windows.onmap import OnMap, on_map
-from harness.lab.windows.recording import Scenario, load_all
-from harness.lab.windows.scenarios import record_scenarios, traffic_version
+from harness.lab.windows.recording import Scenario, load_all, record_scenarios, traffic_version
 from harness.truth.network.network import Network
 from mmpf.map.control import YIELD
 from mmpf.map.lane_graph import NOWHERE, LaneGraph

@@ -15,7 +15,7 @@ from harness.lab.windows.car_following import load_following
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
 from harness.lab.windows.filtering import MeasurementNoise
-from harness.lab.windows.scenarios import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, record_scenarios, scenarios
+from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, record_scenarios, scenarios
 from harness.trackers.mmpf import MODEL_LOADERS
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network

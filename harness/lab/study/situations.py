@@ -19,8 +19,14 @@ from harness.lab.windows.car_following import following_windows, join
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import join_changes, lane_change_windows
 from harness.lab.windows.filtering import follow
-from harness.lab.windows.recording import Recording, load_all, recording_of
-from harness.lab.windows.scenarios import REPORTING_DURATION_S, record_scenarios, scenarios
+from harness.lab.windows.recording import (
+    REPORTING_DURATION_S,
+    Recording,
+    load_all,
+    record_scenarios,
+    recording_of,
+    scenarios,
+)
 from harness.lab.windows.scores import HORIZONS_S, score
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network

@@ -1,8 +1,10 @@
-"""Traffic recorded once for training, and stored for later runs."""
+"""Traffic recorded once for training, and stored for later runs.
+
+Seeds serve training, tuning or reporting: no seed serves two purposes.
+"""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -10,9 +12,19 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from harness.common.files import replacing
 from harness.truth.frame import Frame, TruthSource
+from harness.truth.network.network import Network
 from harness.truth.recorded.traffic import RecordedTraffic
+from harness.truth.sumo.simulation import open_traffic
 from mmpf.numerics.arrays import FloatArray, IntArray
+
+DENSITIES_VEH_PER_KM_LANE = (8.0, 15.0, 22.0, 29.0, 36.0, 43.0, 50.0, 57.0)
+FIRST_TRAINING_SEED = 1000
+FIRST_TUNING_SEED = 100
+TRAINING_DURATION_S = 200.0
+TUNING_DURATION_S = 100.0
+REPORTING_DURATION_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -51,23 +63,6 @@ class Recording:
         return len(self.step)
 
 
-def record_all(
-    scenarios: Sequence[Scenario],
-    folder: Path,
-    open_scenario: Callable[[Scenario], TruthSource],
-    progress: Callable[[str], None],
-) -> list[Path]:
-    """Record every scenario that has no file yet; an interrupted run can be resumed."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / scenario.file_name for scenario in scenarios]
-    for number, (scenario, path) in enumerate(zip(scenarios, paths, strict=True), start=1):
-        if not path.exists():
-            recording = record(open_scenario(scenario))
-            save_recording(recording, path)
-            progress(f"recorded {number}/{len(paths)}: {path.stem}, {len(recording)} rows")
-    return paths
-
-
 def record(source: TruthSource) -> Recording:
     """Drain a source of truth into a recording and close it."""
     numbers: dict[str, int] = {}
@@ -81,31 +76,19 @@ def record(source: TruthSource) -> Recording:
 
 def recording_of(traffic: RecordedTraffic) -> Recording:
     """Return recorded traffic as a recording; each stay is a vehicle."""
-    columns = traffic.columns
-    return Recording(
-        step=traffic.step_of_row.astype(np.int64),
-        vehicle=traffic.stay,
-        lane=traffic.lane,
-        lon_m=columns["lon_m"],
-        lat_m=columns["lat_m"],
-        speed_mps=columns["speed_mps"],
-        lat_speed_mps=columns["lat_speed_mps"],
-        accel_mps2=columns["accel_mps2"],
-        length_m=columns["length_m"],
-    )
+    own = {"step": traffic.step_of_row.astype(np.int64), "vehicle": traffic.stay, "lane": traffic.lane}
+    columns = {**own, **traffic.columns}
+    return Recording(**{column.name: columns[column.name] for column in fields(Recording)})
 
 
 def save_recording(recording: Recording, path: Path) -> None:
-    """Write a recording under a temporary name and rename it, so that no half-written file is ever found."""
+    """Write a recording so that no half-written file is ever found."""
     compact = {
-        column.name: values.astype(np.int32 if values.dtype.kind == "i" else np.float32)
-        for column in fields(recording)
-        for values in [getattr(recording, column.name)]
+        name: values.astype(np.int32 if values.dtype.kind == "i" else np.float32)
+        for name, values in vars(recording).items()
     }
-    unfinished = path.with_suffix(f".{os.getpid()}.part")
-    with unfinished.open("wb") as file:
+    with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **compact)
-    unfinished.replace(path)
 
 
 def load_recording(path: Path) -> Recording:
@@ -134,3 +117,36 @@ def _rows(frame: Frame, numbers: dict[str, int]) -> tuple[npt.NDArray[np.generic
         frame.accel_mps2,
         frame.length_m,
     )
+
+
+def scenarios(
+    first_seed: int, count: int, duration_s: float, densities: Sequence[float] = DENSITIES_VEH_PER_KM_LANE
+) -> list[Scenario]:
+    """Return scenarios of ``count`` seeds, each at every density."""
+    seeds = range(first_seed, first_seed + count)
+    return [Scenario(density, seed, duration_s) for seed in seeds for density in densities]
+
+
+def traffic_version(network: Network) -> str:
+    """Return the name of a network's present traffic: it changes with the road, the vehicle types and the drivers."""
+    return f"{network.name}-{network.fingerprint()}"
+
+
+def record_scenarios(
+    network: Network, wanted: Sequence[Scenario], cache: Path | None, say: Callable[[str], None]
+) -> list[Path]:
+    """Record every scenario, without an ego, that has no file yet, one line each to ``say``, and return the files.
+
+    They lie in ``cache``, or without it in the usual folder, which differs for other drivers on the same network.
+    """
+    folder = cache or Path("results") / "cache" / "traffic" / traffic_version(network)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / scenario.file_name for scenario in wanted]
+    for number, (scenario, path) in enumerate(zip(wanted, paths, strict=True), start=1):
+        if not path.exists():
+            demand, duration_s = scenario.density_veh_per_km_lane, scenario.duration_s
+            truth = open_traffic(network, demand=demand, duration_s=duration_s, seed=scenario.seed, ego=False)
+            recording = record(truth)
+            save_recording(recording, path)
+            say(f"recorded {number}/{len(paths)}: {path.stem}, {len(recording)} rows")
+    return paths

@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from harness.analysis.arms import Arms, Layout, lost_values, measure
-from harness.analysis.pairing import pair
+from harness.analysis.arms import Arms, Layout, lost_values, measure, pair
 from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,

@@ -286,12 +286,12 @@ def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_runs,
 def small_suite(monkeypatch) -> None:
     """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
     request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
-    monkeypatch.setattr("harness.lab.suite.SUITES", {"standard": request})
+    monkeypatch.setattr("harness.commands.actions.compare_sides.SUITES", {"standard": request})
 
     def run_here(cells, workers, timeout_s, on_row) -> None:
         InProcess()(cells, on_row)
 
-    monkeypatch.setattr("harness.lab.suite.run_cells", run_here)
+    monkeypatch.setattr("harness.commands.actions.compare_sides.run_cells", run_here)
     monkeypatch.setattr("harness.grid.stress.draw_charts", lambda *arguments: None)
 
 

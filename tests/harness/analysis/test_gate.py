@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.gate_text import as_junit, as_summary
+from harness.analysis.gate import as_junit, as_summary
 from harness.analysis.verdicts import PRIMARY, UNDECIDED, UNTESTED, WORSE
 from harness.analysis.why import TrackFailure, Why
 from harness.commands.app import run_command_line

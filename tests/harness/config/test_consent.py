@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.consent import keys_of_code
+from harness.config.layers import keys_of_code
 from harness.config.model import RunConfig
 from harness.running.finished import read_recorded_run
 from harness.running.resolve import resolve_run_config, write_config

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from harness.grid.result_rows import failed_row, finished_row
+from harness.grid.cells import failed_row, finished_row
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.open import OpenSnapshots
 from tests.harness.stand_ins import SteadyTraffic, observing

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from harness.grid.cell_queue import CellQueue
 from harness.grid.grid import GridRequest, plan_grid
+from harness.grid.pool import CellQueue
 
 
 def cells(seeds: int = 2, ranges: str = "50,60,70"):

@@ -10,9 +10,8 @@ import pytest
 from harness.analysis.coasting_ratio import with_ratios
 from harness.common.errors import InputError
 from harness.config.model import RunConfig
+from harness.grid.cells import assemble, command_of
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.rerun import command_of
-from harness.grid.result_rows import assemble
 from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
 from harness.storage.grid_folder import check_same_grid, open_grid_folder

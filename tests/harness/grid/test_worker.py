@@ -12,11 +12,20 @@ import pytest
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.config.model import RunConfig
 from harness.grid import worker
-from harness.grid.coasting import against_coasting, coasting_errors
+from harness.grid.cells import command_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.making import keeping
-from harness.grid.rerun import command_of
-from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Started, work_on_cell
+from harness.grid.worker import (
+    CELL,
+    RUN,
+    STEPPING,
+    CellDone,
+    Finished,
+    Started,
+    against_coasting,
+    coasting_errors,
+    work_on_cell,
+)
 from harness.running import evaluate
 from harness.storage import ownership
 from harness.storage.grid_folder import KEPT

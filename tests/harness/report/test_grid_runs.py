@@ -8,11 +8,11 @@ import pytest
 
 from harness.commands.app import run_command_line
 from harness.config.options import keys_of_options
+from harness.grid.cells import command_of
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.rerun import command_of
+from harness.report.comparison_page import write_kept_pages
 from harness.report.folder_page import as_html, write_page
 from harness.report.grid_runs import BESIDE
-from harness.report.kept_pages import write_kept_pages
 from harness.running.resolve import resolve_run_config
 from tests.harness.recorded_scene import write_recorded_scene
 

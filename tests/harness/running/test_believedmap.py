@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.running.believedmap import believed_map
+from harness.running.open import believed_map
 from harness.running.resolve import resolve_run_config
 from harness.truth.network.lanegraph import read_lane_graph
 from mmpf.map.corridor_road import CorridorRoad, highway

@@ -12,17 +12,16 @@ import pyarrow.parquet as pq
 import pytest
 
 from harness.common.errors import RunError, RunInterruptedError
-from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
+from harness.report.pictures import draw_figures
 from harness.running import evaluate
 from harness.running.finished import read_recorded_run
 from harness.running.recorder import ColumnRecorder
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
-from harness.storage import growing
 from harness.storage import run_folder as runfolder
-from harness.storage.growing import GrowingTables, sampled_rows
-from harness.storage.tables import write_table
+from harness.storage import tables as growing
+from harness.storage.tables import GrowingTables, sampled_rows, write_table
 from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.stand_ins import SteadyTraffic, observing

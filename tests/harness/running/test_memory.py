@@ -8,7 +8,7 @@ import pytest
 FAULTS_OF_TEN_STEPS = """
 import resource
 import numpy as np
-from harness.running.memory import keep_freed_memory
+from harness.running.follow import keep_freed_memory
 {before}
 _ = [np.ones(100_000) for _ in range(20)]
 del _

@@ -18,8 +18,8 @@ from harness.commands.app import run_command_line
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.files import replacing
 from harness.config.model import RunConfig
-from harness.report.figures import draw_figures
 from harness.report.page import write_run_page
+from harness.report.pictures import draw_figures
 from harness.running.replay import read_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, FinishedRun, run

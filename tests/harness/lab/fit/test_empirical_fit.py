@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from harness.lab.fit.empirical_fit import FEWEST, fit_empirical
+from harness.lab.fit.driver_fit import FEWEST, fit_empirical
 from mmpf.motion.learned.features import situation
 from tests.harness.lab.fit.test_unrolled import windows
 

@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from harness.lab.windows.scenarios import traffic_version
+from harness.lab.windows.recording import traffic_version
 from harness.truth.network.network import load_network
 
 MODELS = [entry for entry in files("mmpf.models").iterdir() if entry.name.endswith((".npz", ".toml"))]

@@ -10,10 +10,11 @@ from harness.lab.windows.recording import (
     Recording,
     Scenario,
     load_recording,
-    record_all,
+    record_scenarios,
     recording_of,
     save_recording,
 )
+from harness.truth.network.network import load_network
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf.map.corridor_road import highway
 from mmpf.motion.state import LAT, LON
@@ -147,18 +148,19 @@ def test_a_recording_is_read_back_as_it_was_written(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["recording.npz"]
 
 
-def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path):
+def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path, monkeypatch):
     scenarios = [Scenario(20.0, 1000 + k, 10.0) for k in range(3)]
     opened = []
 
-    def open_scenario(scenario):
-        opened.append(scenario.seed)
+    def open_traffic(network, *, seed, **_):
+        opened.append(seed)
         raise KeyboardInterrupt
 
+    monkeypatch.setattr("harness.lab.windows.recording.open_traffic", open_traffic)
     for scenario in scenarios[:2]:
         save_recording(traffic((0.0, 10.0, steady(2.0)), steps=2), tmp_path / scenario.file_name)
     with pytest.raises(KeyboardInterrupt):
-        record_all(scenarios, tmp_path, open_scenario, print)
+        record_scenarios(load_network("us101"), scenarios, tmp_path, print)
     assert opened == [1002]
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.running import remembered
+from harness.grid import worker
+from harness.grid.worker import RememberedTraffic
 from harness.running.open import open_snapshots
-from harness.running.remembered import RememberedTraffic
 from harness.running.resolve import resolve_run_config
 from tests.harness.stand_ins import SteadyTraffic
 
@@ -30,7 +30,7 @@ def started(monkeypatch) -> list[int]:
         seeds.append(seed)
         return made_up(network, traffic, seed, reach_m)
 
-    monkeypatch.setattr(remembered, "simulate", noted)
+    monkeypatch.setattr(worker, "simulate", noted)
     return seeds
 
 
