@@ -386,7 +386,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
             raise InputError("`keep`: the cluster's workers may have another disk; leave it out with `scheduler`")
         from harness.grid import making  # noqa: PLC0415
         from harness.grid import stress as stressing  # noqa: PLC0415
-        from harness.report import folder_page, kept_pages  # noqa: PLC0415
+        from harness.report import comparison_page, folder_page  # noqa: PLC0415
 
         with _execution(values["scheduler"], values["workers"], values["timeout_per_run"]) as execute:
             finished = stressing.run_stress(
@@ -399,7 +399,7 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
                 command=command,
             )
         if values["keep"] is not None:
-            kept_pages.write_kept_pages(finished.folder, quiet)
+            comparison_page.write_kept_pages(finished.folder, quiet)
         folder_page.write_page(finished.folder)
         return finished
 

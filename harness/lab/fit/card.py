@@ -15,7 +15,7 @@ from harness.lab.windows.cases import following_cases
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import HORIZONS_S, score
 from mmpf.motion.protocol import MotionModel
-from mmpf.numerics.arrays import BoolArray
+from mmpf.numerics.arrays import BoolArray, taken
 
 TRAFFIC = "Traffic"
 """Name of the fact that says which traffic a model was fitted to, as ``traffic_version`` names it."""
@@ -65,10 +65,7 @@ class RegimeError:
 
 def errors_by_regime(model: MotionModel, windows: CarFollowing, step_s: float, seed: int) -> list[RegimeError]:
     """Return the closed-loop errors in free driving, following, stop-and-go and after a cut-in."""
-    return [
-        _errors(model, name, windows.take(np.flatnonzero(chosen)), step_s, seed)
-        for name, chosen in regimes_of(windows).items()
-    ]
+    return [_errors(model, name, taken(windows, chosen), step_s, seed) for name, chosen in regimes_of(windows).items()]
 
 
 def regimes_of(windows: CarFollowing) -> dict[str, BoolArray]:

@@ -16,7 +16,7 @@ from mmpf.motion.learned.features import log_headway, situation
 from mmpf.motion.learned.follower import MixtureFollower
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_inputs
-from mmpf.numerics.arrays import FloatArray, IntArray, joined
+from mmpf.numerics.arrays import FloatArray, IntArray, joined, taken
 
 FOLLOWING_SAMPLES = 300_000
 SHORT_SAMPLES = 1_200_000
@@ -44,7 +44,7 @@ def fit_driver(
         changes_per_s: How often drivers change lanes to one side.
     """
     follower = fit_follower(windows, components, seed, step_s, progress)
-    free = _fit_free(windows.take(np.flatnonzero(~windows.has_leader)), step_s)
+    free = _fit_free(taken(windows, ~windows.has_leader), step_s)
     return DriverModel(follower, free, _fit_keeper(windows, changes_per_s, step_s)), follower
 
 
@@ -63,7 +63,7 @@ def fit_follower(
         progress: Told one line per stage.
     """
     rng = np.random.default_rng(seed)
-    led = windows.take(np.flatnonzero(windows.has_leader))
+    led = windows.led
     habit = driver_habit(led)
     records = following_records(led, habit, step_s)
     progress(f"fitting {components} components to {FOLLOWING_SAMPLES} samples of {len(led)} windows")
@@ -79,7 +79,7 @@ def fit_follower(
 def fit_short(windows: CarFollowing, components: int, seed: int) -> ScaledGmm:
     """Fit the paper's short-term model, exactly its inputs and outputs, to unaltered samples."""
     rng = np.random.default_rng(seed)
-    led = windows.take(np.flatnonzero(windows.has_leader))
+    led = windows.led
     x, y = short_samples(led)
     chosen = rng.choice(len(x), size=min(SHORT_SAMPLES, len(x)), replace=False)
     return fit_mixture(x[chosen], y[chosen], components, seed)

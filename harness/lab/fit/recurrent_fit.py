@@ -60,7 +60,7 @@ def fit_recurrent(
         InputError: JAX is not installed.
     """
     rng = np.random.default_rng(seed)
-    scaling = scaling_of(windows.take(np.flatnonzero(windows.has_leader)))
+    scaling = scaling_of(windows.led)
     parts = [part[:SITUATION_SIZE] for part in scaling[:4]]
     score_and_gradient = compiled_score(*parts)
 

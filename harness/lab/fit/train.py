@@ -129,7 +129,7 @@ def _fit_rivals(
 def _train_keeping(
     plan: TrainingPlan, net: Network, windows: CarFollowing, changes_per_s: float, held_out: CarFollowing, say: Say
 ) -> list[Path]:
-    led = windows.take(np.flatnonzero(windows.has_leader))
+    led = windows.led
     if len(led) < plan.size:
         raise InputError(f"`seeds`: {len(led)} windows of car following are too few to train on; give more seeds")
     own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
@@ -141,7 +141,7 @@ def _train_keeping(
     SHORT.save(short, mixture)
     say("scoring on held-out seeds")
     rng = np.random.default_rng(plan.seed)
-    held_led = held_out.take(np.flatnonzero(held_out.has_leader))
+    held_led = held_out.led
     short_x, short_y = _some(*short_samples(held_led), HELD_OUT_SAMPLES, rng)
     records = following_records(held_led, driver_habit(held_led), STEP_S)
     asked = recovery_samples(records, HELD_OUT_SAMPLES, rng)
@@ -179,7 +179,7 @@ def _train_follower(
     plan: TrainingPlan, net: Network, windows: CarFollowing, held_out: CarFollowing, say: Say
 ) -> list[Path]:
     """Fit a follower that is no mixture; everything else is taken from the committed learned driver."""
-    led = windows.take(np.flatnonzero(windows.has_leader))
+    led = windows.led
     say(f"{len(windows)} windows of 10 s, {len(led)} of them behind a leader")
     path = plan.out / f"{plan.case}.npz"
     follower: Follower

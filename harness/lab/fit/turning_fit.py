@@ -13,12 +13,12 @@ from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.lab.fit.card import TRAFFIC, write_card
 from harness.lab.windows.onmap import OnMap, on_map
-from harness.lab.windows.recording import Scenario, load_all, record_scenarios, traffic_version
+from harness.lab.windows.recording import Scenario, joined_apart, load_all, record_scenarios, traffic_version
 from harness.truth.network.network import Network
 from mmpf.map.control import YIELD
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.turning import TurningDriver, lane_speeds, road_speeds
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, taken
 
 ON_NETWORKS = "junction,priority,roundabout"
 TURNING = "turning"
@@ -81,7 +81,7 @@ def _recorded(network: Network, seeds: range, cache: Path | None, say: Say) -> D
     files = record_scenarios(network, wanted, None if cache is None else cache / network.name, say)
     graph = cast("LaneGraph", network.road.graph)
     laid = [on_map(recording, graph) for recording in load_all(files)]
-    return DrivenMap(graph, _joined([one.take(one.free) for one in laid]))
+    return DrivenMap(graph, joined_apart([taken(one, one.free) for one in laid], "driver"))
 
 
 def fit_turning(maps: list[DrivenMap]) -> TurningDriver:
@@ -127,7 +127,7 @@ def _lateral_mps2(driven: DrivenMap) -> FloatArray:
 def _at_lines_mps(driven: DrivenMap) -> FloatArray:
     """Return the speed at a line of those who did not have to stop before it, (stays,)."""
     moments = driven.moments
-    before = moments.take(_gives_way(driven) & (moments.to_end_m < BEFORE_LINE_M))
+    before = taken(moments, _gives_way(driven) & (moments.to_end_m < BEFORE_LINE_M))
     _, some, stay = np.unique(before.driver * len(driven.graph) + before.lane, return_index=True, return_inverse=True)
     slowest, nearest = np.full(len(some), np.inf), np.full(len(some), np.inf)
     np.minimum.at(slowest, stay, before.speed_mps)
@@ -174,14 +174,6 @@ def _paces(driven: DrivenMap, driver: TurningDriver) -> FloatArray:
 def _allowed(driven: DrivenMap, driver: TurningDriver) -> FloatArray:
     moments = driven.moments
     return road_speeds(driven.graph, moments.lane, moments.following, moments.along_m, driver)
-
-
-def _joined(parts: list[OnMap]) -> OnMap:
-    # Vehicles of different recordings stay apart.
-    first = np.cumsum([0, *[int(part.driver.max(initial=-1)) + 1 for part in parts[:-1]]])
-    columns = {column.name: np.concatenate([getattr(part, column.name) for part in parts]) for column in fields(OnMap)}
-    columns["driver"] = np.concatenate([part.driver + shift for part, shift in zip(parts, first, strict=True)])
-    return OnMap(**columns)
 
 
 TITLE = "Driving by the map (`turning`, of the learned driver on networks)"

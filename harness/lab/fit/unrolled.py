@@ -26,7 +26,7 @@ from mmpf.motion.learned.residual import (
     USUAL_DRIVER,
     NetworkWeights,
 )
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray, taken
 
 HIDDEN_UNITS = 16
 ITERATIONS, WINDOWS, PARTICLES = 1200, 96, 8
@@ -73,7 +73,7 @@ def fit_residual(
 ) -> NetworkWeights:
     """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015)."""
     rng = np.random.default_rng(seed)
-    scaling = scaling_of(windows.take(np.flatnonzero(windows.has_leader)))
+    scaling = scaling_of(windows.led)
 
     def score_of_some(weights: Weights) -> tuple[float, Weights]:
         chosen = rng.choice(len(windows), size=min(WINDOWS, len(windows)), replace=False)
@@ -135,7 +135,7 @@ def rollouts_of(windows: CarFollowing, chosen: IntArray, particles: int, rng: np
     def particles_of(column: FloatArray) -> Array:
         return np.repeat(np.ascontiguousarray(column.T, dtype=np.float32), particles, axis=-1)
 
-    here = windows.take(chosen)
+    here = taken(windows, chosen)
     led = here.has_leader & (rng.random(len(chosen)) >= UNKNOWN_SHARE)
     ahead = np.nan_to_num(here.gap_m + here.lon_m - here.lon_m[:, :1])
     spread = (rng.random(len(chosen)) < WRONG_SHARE) * np.exp(0.5 * rng.standard_normal(len(chosen)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,14 @@ from harness.lab.fit.card import regimes_of
 from harness.lab.study.published import StudyPlan, model_of
 from harness.lab.study.study import score_row
 from harness.lab.study.study_text import error_cell, setting_line
-from harness.lab.windows.car_following import following_windows, join
+from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
-from harness.lab.windows.changing import join_changes, lane_change_windows
+from harness.lab.windows.changing import lane_change_windows
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.recording import (
     REPORTING_DURATION_S,
     Recording,
+    joined_apart,
     load_all,
     record_scenarios,
     recording_of,
@@ -31,6 +33,7 @@ from harness.lab.windows.scores import HORIZONS_S, score
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.map.road import Road
+from mmpf.numerics.arrays import joined, taken
 
 SITUATIONS = "situations"
 CHANGING = "changing lanes"
@@ -99,11 +102,11 @@ def recorded_parts(folder: Path) -> list[Part]:
 
 def situations_of(plan: StudyPlan, parts: Sequence[Part], steps: int) -> dict[str, Cases]:
     """Return cases by situation, at most ``plan.cases`` of each, without situations of fewer than two."""
-    windows = join([following_windows(*part, steps, STEP_S) for part in parts])
-    changes = join_changes([lane_change_windows(*part, STEP_S) for part in parts])
+    windows = joined_apart([following_windows(*part, steps, STEP_S) for part in parts], "vehicle")
+    changes = reduce(joined, [lane_change_windows(*part, STEP_S) for part in parts])
     rng = np.random.default_rng([plan.seed, 0])
     situations = {
-        name: following_cases(windows.take(np.flatnonzero(chosen)), plan.cases, STEP_S, rng, led_only=False)
+        name: following_cases(taken(windows, chosen), plan.cases, STEP_S, rng, led_only=False)
         for name, chosen in regimes_of(windows).items()
     }
     situations[CHANGING] = lane_change_cases(changes, plan.cases, STEP_S, rng)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from harness.lab.windows.neighbours import NOBODY, NeighbourStates, clear_gap_m, order_by_lane, others_at, row_ahead
-from harness.lab.windows.recording import Recording, load_all
+from harness.lab.windows.recording import Recording, joined_apart, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 
 STEPS = 101
 """States of a window of 10 s."""
@@ -70,9 +70,10 @@ class CarFollowing:
         half_lengths = 0.5 * (self.length_m + self.leader_length_m)[:, None]
         return self.leader_lon_m - self.lon_m - half_lengths
 
-    def take(self, chosen: IntArray) -> CarFollowing:
-        """Return some of the windows."""
-        return CarFollowing(**{column.name: getattr(self, column.name)[chosen] for column in fields(self)})
+    @property
+    def led(self) -> CarFollowing:
+        """The windows with a leader."""
+        return taken(self, self.has_leader)
 
 
 def following_windows(recording: Recording, road: Road, steps: int, step_s: float) -> CarFollowing:
@@ -105,15 +106,7 @@ def following_windows(recording: Recording, road: Road, steps: int, step_s: floa
 
 def load_following(paths: Sequence[Path], road: Road) -> CarFollowing:
     """Cut recordings that lie in files into windows of 10 s."""
-    return join([following_windows(recording, road, STEPS, STEP_S) for recording in load_all(paths)])
-
-
-def join(parts: Sequence[CarFollowing]) -> CarFollowing:
-    """Put the windows of several recordings together; vehicles of different recordings stay apart."""
-    columns = {c.name: np.concatenate([getattr(part, c.name) for part in parts]) for c in fields(CarFollowing)}
-    first = np.cumsum([0, *[int(part.vehicle.max(initial=-1)) + 1 for part in parts[:-1]]])
-    columns["vehicle"] = np.concatenate([part.vehicle + shift for part, shift in zip(parts, first, strict=True)])
-    return CarFollowing(**columns)
+    return joined_apart([following_windows(recording, road, STEPS, STEP_S) for recording in load_all(paths)], "vehicle")
 
 
 def _leader_rows(recording: Recording) -> IntArray:

@@ -14,7 +14,7 @@ from harness.lab.windows.changing import LaneChanges
 from harness.lab.windows.neighbours import NeighbourStates
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, taken
 
 LookAround = Callable[[FloatArray, int, bool], Surroundings]
 
@@ -58,7 +58,7 @@ def following_cases(
     """
     order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
     _, first = np.unique(windows.vehicle[order], return_index=True)
-    return cases_of(windows.take(order[np.sort(first)[:count]]), step_s)
+    return cases_of(taken(windows, order[np.sort(first)[:count]]), step_s)
 
 
 def cases_of(windows: CarFollowing, step_s: float) -> Cases:
@@ -69,7 +69,7 @@ def cases_of(windows: CarFollowing, step_s: float) -> Cases:
 
 def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.random.Generator) -> Cases:
     """Choose windows around lane changes; lateral positions count from the original lane, positive to the target."""
-    chosen = changes.take(np.sort(rng.permutation(len(changes))[:count]))
+    chosen = taken(changes, np.sort(rng.permutation(len(changes))[:count]))
     return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen), step_s)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray, joined
 
 HALF_WINDOW_S = 5.0
 
@@ -23,11 +24,11 @@ class LaneChanges:
     """Windows around lane changes, lateral from the original lane's middle and positive towards the target lane.
 
     Attributes:
-        state: States as in ``mmpf.motion.state``, shape (6, windows, steps).
+        states: States as in ``mmpf.motion.state``, shape (windows, 6, steps).
         lane_width_m: Mean width of original and target lane, shape (windows,).
     """
 
-    state: FloatArray
+    states: FloatArray
     length_m: FloatArray
     lane_width_m: FloatArray
     leader: NeighbourStates
@@ -37,9 +38,10 @@ class LaneChanges:
     def __len__(self) -> int:
         return len(self.length_m)
 
-    def take(self, chosen: IntArray) -> LaneChanges:
-        """Return some of the windows."""
-        return _made_of([self], lambda columns, axis: columns[0].take(chosen, axis))
+    @property
+    def state(self) -> FloatArray:
+        """The states, shape (6, windows, steps)."""
+        return self.states.swapaxes(0, 1)
 
 
 def lane_change_windows(recording: Recording, road: Road, step_s: float) -> LaneChanges:
@@ -57,7 +59,7 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
     step, lon = recording.step[rows], recording.lon_m[rows]
     on_original, on_target = original[:, None], target[:, None]
     return LaneChanges(
-        state=_mirrored_states(recording, rows, direction, first.mean(axis=1), step_s),
+        states=_mirrored_states(recording, rows, direction, first.mean(axis=1), step_s).swapaxes(0, 1),
         length_m=recording.length_m[rows[:, 0]],
         lane_width_m=np.abs(second.mean(axis=1) - first.mean(axis=1)),
         leader=others_at(recording, row_ahead(ordering, step, on_original, lon)),
@@ -68,12 +70,7 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
 
 def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
     """Cut recordings that lie in files into windows around lane changes."""
-    return join_changes([lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)])
-
-
-def join_changes(parts: Sequence[LaneChanges]) -> LaneChanges:
-    """Put the windows of several recordings together."""
-    return _made_of(parts, np.concatenate)
+    return reduce(joined, (lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)))
 
 
 def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
@@ -86,23 +83,6 @@ def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) ->
         changes += int((driven_on & (lane[1:] != lane[:-1])).sum())
         steps += int(driven_on.sum())
     return changes / (2.0 * steps * step_s) if steps else 0.0
-
-
-def _made_of(parts: Sequence[LaneChanges], make: Callable[[list[FloatArray], int], FloatArray]) -> LaneChanges:
-    """Return windows whose columns join the parts' columns, given which of their axes runs over windows."""
-
-    def others(name: str) -> NeighbourStates:
-        sides = [getattr(part, name) for part in parts]
-        return NeighbourStates(
-            *(make([getattr(side, column.name) for side in sides], 0) for column in fields(NeighbourStates))
-        )
-
-    return LaneChanges(
-        make([part.state for part in parts], 1),
-        make([part.length_m for part in parts], 0),
-        make([part.lane_width_m for part in parts], 0),
-        *(others(name) for name in ("leader", "follower", "target_leader")),
-    )
 
 
 def _single_changes(recording: Recording, by_vehicle: IntArray, half: int) -> IntArray:

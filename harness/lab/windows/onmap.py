@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,10 +37,6 @@ class OnMap:
 
     def __len__(self) -> int:
         return len(self.lane)
-
-    def take(self, chosen: BoolArray | IntArray) -> OnMap:
-        """Return some of the moments."""
-        return OnMap(**{column.name: getattr(self, column.name)[chosen] for column in fields(self)})
 
 
 def on_map(recording: Recording, graph: LaneGraph) -> OnMap:

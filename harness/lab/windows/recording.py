@@ -6,8 +6,10 @@ Seeds serve training, tuning or reporting: no seed serves two purposes.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import reduce
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +19,7 @@ from harness.truth.frame import Frame, TruthSource
 from harness.truth.network.network import Network
 from harness.truth.recorded.traffic import RecordedTraffic
 from harness.truth.sumo.simulation import open_traffic
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray, IntArray, Rows, joined
 
 DENSITIES_VEH_PER_KM_LANE = (8.0, 15.0, 22.0, 29.0, 36.0, 43.0, 50.0, 57.0)
 FIRST_TRAINING_SEED = 1000
@@ -77,7 +79,7 @@ def record(source: TruthSource) -> Recording:
 def recording_of(traffic: RecordedTraffic) -> Recording:
     """Return recorded traffic as a recording; each stay is a vehicle."""
     own = {"step": traffic.step_of_row.astype(np.int64), "vehicle": traffic.stay, "lane": traffic.lane}
-    columns = {**own, **traffic.columns}
+    columns: dict[str, Any] = {**own, **traffic.columns}
     return Recording(**{column.name: columns[column.name] for column in fields(Recording)})
 
 
@@ -125,6 +127,14 @@ def scenarios(
     """Return scenarios of ``count`` seeds, each at every density."""
     seeds = range(first_seed, first_seed + count)
     return [Scenario(density, seed, duration_s) for seed in seeds for density in densities]
+
+
+def joined_apart(parts: Sequence[Rows], identity: str) -> Rows:
+    """Return several structs of arrays as one; what a column of numbers tells apart in each stays apart."""
+    numbers = [getattr(part, identity) for part in parts]
+    first = np.cumsum([0, *[int(own.max(initial=-1)) + 1 for own in numbers[:-1]]])
+    apart = (replace(part, **{identity: own + n}) for part, own, n in zip(parts, numbers, first, strict=True))
+    return reduce(joined, apart)
 
 
 def traffic_version(network: Network) -> str:

@@ -20,7 +20,7 @@ from harness.running.recorder import ColumnRecorder
 from harness.running.resolve import resolve_run_config
 from harness.running.run import Drawing, run
 from harness.storage import run_folder as runfolder
-from harness.storage import tables as growing
+from harness.storage import tables as stored
 from harness.storage.tables import GrowingTables, sampled_rows, write_table
 from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
@@ -86,13 +86,13 @@ def test_an_error_between_two_tables_writes_no_row_twice(tmp_path):
 def test_ctrl_c_while_stretches_are_put_together_leaves_every_row_once(tmp_path, short_stretches, monkeypatch):
     # Shells start background jobs with Ctrl-C ignored, which the tests inherit.
     previous = signal.signal(signal.SIGINT, signal.default_int_handler)
-    put_together = growing._put_together
+    put_together = stored._put_together
 
     def interrupted(parts: Sequence[Path], final: Path) -> None:
         put_together(parts, final)
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(growing, "_put_together", interrupted)
+    monkeypatch.setattr(stored, "_put_together", interrupted)
     with pytest.raises(RunInterruptedError, match=f"after {STEPS} steps"):
         run_on(tmp_path / "run")
     signal.signal(signal.SIGINT, previous)

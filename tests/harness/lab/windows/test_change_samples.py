@@ -43,7 +43,7 @@ def test_a_sample_moved_sideways_goes_on_with_the_recorded_acceleration():
     recorded_without_speed = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
     state = recorded_without_speed.state.copy()
     state[LAT_SPEED] = np.gradient(state[LAT], STEP_S, axis=1)
-    changes = replace(recorded_without_speed, state=state)
+    changes = replace(recorded_without_speed, states=state.swapaxes(0, 1))
     scatter = LateralScatter(share=1.0, lat_m=0.3, lat_speed_mps=0.2, lat_accel_mps2=0.1)
     x, y = change_samples(changes, np.random.default_rng(0), scatter)
     recorded = changes.state[:, 0]

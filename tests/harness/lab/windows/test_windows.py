@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from harness.lab.windows.car_following import following_windows, join
+from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_windows
 from harness.lab.windows.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
 from harness.lab.windows.recording import (
     Recording,
     Scenario,
+    joined_apart,
     load_recording,
     record_scenarios,
     recording_of,
@@ -18,6 +19,7 @@ from harness.truth.network.network import load_network
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf.map.corridor_road import highway
 from mmpf.motion.state import LAT, LON
+from mmpf.numerics.arrays import taken
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
 
 STEP_S = 0.1
@@ -83,7 +85,7 @@ def test_a_gap_is_measured_from_bumper_to_bumper():
 
 def test_windows_hold_a_vehicle_and_its_one_leader():
     windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
-    led = windows.take(np.flatnonzero(windows.has_leader))
+    led = windows.led
     assert len(windows) == 4
     assert len(led) == 2
     np.testing.assert_allclose(led.gap_m, 25.0)
@@ -102,7 +104,7 @@ def test_no_window_lies_within_five_seconds_of_a_lane_change():
 def test_a_new_nearer_leader_begins_a_window_after_a_cut_in():
     recording = traffic((0.0, 10.0, steady(2.0)), (60.0, 10.0, steady(2.0)), (30.0, 10.0, changing(140, 6.0, 2.0)))
     windows = following_windows(recording, ROAD, 101, STEP_S)
-    cut_in = windows.take(np.flatnonzero(windows.after_cut_in))
+    cut_in = taken(windows, windows.after_cut_in)
     assert len(cut_in) == 1
     np.testing.assert_allclose(cut_in.gap_m, 25.0)
 
@@ -114,7 +116,7 @@ def test_a_leader_further_than_a_hundred_metres_counts_as_none():
 
 def test_vehicles_of_different_recordings_stay_apart_when_joined():
     windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
-    joined = join([windows, windows])
+    joined = joined_apart([windows, windows], "vehicle")
     assert len(np.unique(joined.vehicle)) == 4
 
 
@@ -175,7 +177,7 @@ def test_windows_of_recorded_traffic_have_the_leader_that_drives_ahead(tmp_path)
     path = write_ngsim_csv(tmp_path / "scene.csv", ngsim_rows(cars))
     traffic = open_recorded_traffic(path, "ngsim", "us101", "auto", 60.0).traffic
     windows = following_windows(recording_of(traffic), traffic.road, 51, STEP_S)
-    led = windows.take(np.flatnonzero(windows.has_leader))
+    led = windows.led
     assert len(windows) == 3
     assert len(led) == 1
     np.testing.assert_allclose(led.gap_m, 30.0 - 0.5 * (4.5 + 6.5), atol=1e-5)
