@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, TypedDict
+from typing import Annotated, Any, TypedDict
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from harness.common.isolation import trusted
 from harness.common.signals import signals_held
 from harness.config.layers import config_from_table, merged
 from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
+from harness.config.options import Option
 from harness.running.complete import KEYS, detection_table, filled, on_clock, slope_of, truth_table
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.nuscenes_boxes import nuscenes_scores
@@ -51,18 +52,30 @@ STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
 class Logs(TypedDict):
-    """What is scored."""
+    """What is scored, as the options of ``score`` say it."""
 
-    truth: Path
-    tracks: Path
-    detections: Path | None
-    ego: str | None
-    format: str | None
-    step: float
-    sensor: str | None
-    seed: int
-    settings: list[str]
-    name: str | None
+    truth: Annotated[Path, Option("Truth: a run's folder, or a file or folder of a format.", default=...)]
+    tracks: Annotated[Path, Option("Tracks that a tracker reported.", default=...)]
+    detections: Annotated[
+        Path | None, Option("Detections that the tracker got. (default: the true positions in view)", metavar="PATH")
+    ]
+    ego: Annotated[
+        str | None,
+        Option("Vehicle that carries the sensor, or a file of its poses. (default: the column is_ego)", metavar="NAME"),
+    ]
+    format: Annotated[
+        str | None,
+        Option("parquet, csv, kitti, mot, nuscenes or mcap. (default: by the content)", metavar="FORMAT"),
+    ]
+    step: Annotated[
+        float, Option("Seconds between frames that have only a number.", default=0.1, metavar="SECONDS", least=0.001)
+    ]
+    sensor: Annotated[str | None, Option("Sensor profile whose range and field of view are used.")]
+    settings: Annotated[
+        list[str] | None, Option("A setting of the sensor; repeatable.", flag="--set", metavar="sensor.KEY=VALUE")
+    ]
+    seed: Annotated[int, Option("Seed of the bootstrap intervals; with a run's truth, the run's.", default=0, least=0)]
+    name: Annotated[str | None, Option("What the tracker is called. (default: the file's name)")]
 
 
 @dataclass(frozen=True)
@@ -175,7 +188,7 @@ def _of_run(logs: Logs, name: str) -> Scored:
     for option in ("detections", "ego", "sensor"):
         if logs[option] is not None:
             raise InputError(f"`{option}`: it is taken from the run's folder {logs['truth']}; leave it out")
-    config = resolve_run_config(options={"replay": str(logs["truth"])}, settings=logs["settings"])
+    config = resolve_run_config(options={"replay": str(logs["truth"])}, settings=logs["settings"] or [])
     config = config.model_copy(update={"tracker": TrackerConfig(name=name)})
     truth = runfolder.read_table(logs["truth"], runfolder.TRUTH, TRUTH)
     clock = truth.drop_duplicates("step")[["step", *KEYS]]
@@ -196,7 +209,7 @@ def _of_files(logs: Logs, name: str) -> Scored:
     rows = _with_ego(rows, ego, logs)
     _check_moves(rows, logs["truth"])
     table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
-    settings = merged(None, {}, logs["settings"])
+    settings = merged(None, {}, logs["settings"] or [])
     sensor = table["sensor"] | settings.pop("sensor", {})
     if settings:
         raise InputError(f"`settings`: {next(iter(settings))} does not concern a log; only sensor.KEY=VALUE does")
