@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +20,7 @@ from harness.grid.grid import GridRequest
 from harness.grid.making import Telling
 from harness.grid.pool import run_cells
 from harness.grid.stress import run_stress
-from harness.lab.ablation import (
-    IDEAL_ABLATIONS,
-    ablation_request,
-    ablation_rows,
-    as_markdown,
-    ideal_request,
-)
+from harness.lab.ablation import IDEAL_ABLATIONS, ablation_request, ablation_rows, as_markdown, ideal_request
 from harness.lab.study import published, situations, study_text
 from harness.lab.study.figures import draw_study
 from harness.lab.windows.car_following import STEPS
@@ -36,6 +29,8 @@ from harness.storage.grid_folder import RUNS
 from harness.truth.network.network import Network, load_network
 
 ABLATION_S = 30.0
+Results = tuple[dict[str, Any], str]
+"""A study's results, for programs and for people."""
 
 
 def make_study_of(options: Mapping[str, Any]) -> None:
@@ -54,46 +49,31 @@ def make_study_of(options: Mapping[str, Any]) -> None:
             typer.echo(line, err=True)
 
     if case == "ablation":
-        told = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
+        numbers, text = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
     else:
         chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
         if options["models"] is not None and not chosen:
             raise InputError(f"`models` {options['models']}: it names no model; for example `models` gmm,cvm")
         cases = published.StudyPlan(
-            case,
-            chosen,
-            options["model_file"],
-            options["cases"],
-            options["particles"],
-            options["seed"],
-            first,
-            count,
-            options["cache"],
+            *(case, chosen, options["model_file"], options["cases"], options["particles"], options["seed"]),
+            *(first, count, options["cache"]),
         )
         network = load_network(net)
         if case == situations.SITUATIONS:
-            told = _make_situations(cases, network, options["real_data"], say, quiet)
+            numbers, text = _make_situations(cases, network, options["real_data"], say, quiet)
         else:
-            told = _make_published(cases, network, folder, say, quiet)
+            numbers, text = _make_published(cases, network, folder, say, quiet)
 
-    write_results(folder, told.numbers, told.text)
+    write_results(folder, numbers, text)
     write_page(folder)
     if options["json"]:
-        typer.echo(json.dumps(told.numbers))
+        typer.echo(json.dumps(numbers))
     else:
-        show_markdown(told.text)
+        show_markdown(text)
     typer.echo(f"written to {folder}", err=True)
 
 
-@dataclass(frozen=True)
-class _StudyOutput:
-    """A study's results, for programs and for people."""
-
-    numbers: dict[str, Any]
-    text: str
-
-
-def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _StudyOutput:
+def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> Results:
     def runs_of(request: GridRequest, out: Path) -> pd.DataFrame:
         run_stress(
             request,
@@ -112,23 +92,23 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> _StudyOut
         "model unless an arm says otherwise."
     )
     numbers = {"study": "ablation", "setting": setting, "results": rows, "ideal": ideal}
-    return _StudyOutput(numbers, as_markdown(rows, ideal, setting))
+    return numbers, as_markdown(rows, ideal, setting)
 
 
 def _make_published(
     plan: published.StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
-) -> _StudyOutput:
+) -> Results:
     runs = plan.runs if plan.study in published.MODELS else 1
     title = f"study {plan.study}"
     with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
         result, setting = published.make_study(plan, network, say, advance)
     draw_study(result, folder)
-    return _StudyOutput(study_text.as_json(result.rows, setting), study_text.as_markdown(result, setting))
+    return study_text.as_json(result.rows, setting), study_text.as_markdown(result, setting)
 
 
 def _make_situations(
     plan: published.StudyPlan, net: Network, real: Path | None, say: Callable[[str], None], quiet: bool
-) -> _StudyOutput:
+) -> Results:
     if real is not None:
         parts, steps = situations.recorded_parts(real), situations.SHORT_STEPS
     else:
@@ -143,4 +123,4 @@ def _make_situations(
         for name in ("network", "densities_veh_per_km_lane", "traffic_seeds"):
             del setting[name]
         setting["recordings"] = len(parts)
-    return _StudyOutput(study_text.as_json(rows, setting), situations.as_markdown(rows, setting))
+    return study_text.as_json(rows, setting), situations.as_markdown(rows, setting)
