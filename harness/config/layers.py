@@ -75,7 +75,7 @@ def _table_of_options(options: Mapping[str, object]) -> Table:
     table: Table = {}
     for name, value in options.items():
         if value is not None:
-            _put(table, keys_of_options()[name].split("."), value)
+            put(table, keys_of_options()[name].split("."), value)
     return table
 
 
@@ -86,7 +86,7 @@ def _table_of_settings(settings: Sequence[str]) -> Table:
         parts = [part.strip() for part in key.split(".")]
         if not equals or not all(parts):
             raise InputError(f"`settings`: {setting!r} is not KEY=VALUE, for example `settings` sensor.range_m=80")
-        _put(table, parts, _toml_value(text.strip()))
+        put(table, parts, _toml_value(text.strip()))
     return table
 
 
@@ -101,7 +101,8 @@ def _toml_value(text: str) -> object:
     return read["value"]
 
 
-def _put(table: Table, parts: Sequence[str], value: object) -> None:
+def put(table: Table, parts: Sequence[str], value: object) -> None:
+    """Put a value into nested tables, under a key in parts."""
     for part in parts[:-1]:
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
@@ -170,20 +171,13 @@ def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: P
     Raises:
         InputError: It would be imported.
     """
+    named, given = dict(leaves(in_file)), dict(leaves(chosen))
     for key in keys_of_code():
-        name = _at(in_file, key)
-        if isinstance(name, str) and ":" in name and _at(chosen, key) is None:
+        name = named.get(key)
+        if isinstance(name, str) and ":" in name and given.get(key) is None:
             option = parameter_of(key)
             own = f"`{option}`" if option else f"`settings` {key}={name[:60]}"
             raise InputError(
                 f"`config`: {file} has {key} = {name[:60]}, and using that runs code; if you trust it, give it "
                 f"yourself as {own}"
             )
-
-
-def _at(table: Mapping[str, Any], key: str) -> object:
-    """Return what nested tables hold under a dotted key; None for nothing."""
-    value: object = table
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, Mapping) else None
-    return value

@@ -7,13 +7,12 @@ box. Time counts from the run's begin. Everything in a scene lives until the nex
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
@@ -43,7 +42,7 @@ About = Mapping[str, str]
 class _Boxes:
     """Boxes of one kind at all steps, struct of arrays of shape (n,); ``place`` is middle and heading, (n, 3)."""
 
-    rows: Mapping[int, Sequence[int]]
+    rows: Mapping[Hashable, Iterable[int]]
     place: FloatArray
     size_m: FloatArray
     name: Sequence[str]
@@ -117,7 +116,7 @@ def _truth(run: RecordedRun) -> _Boxes:
     states, speed = truth["state"].tolist(), floats(truth, "speed_mps")
     visible = floats(truth, "visible_fraction")
     return _Boxes(
-        rows=_rows(truth),
+        rows=truth.groupby("step").indices,
         place=np.column_stack(run.in_plane(truth)),
         size_m=truth[SIZE].to_numpy(dtype=np.float64),
         name=truth["vehicle_id"].astype(str).tolist(),
@@ -135,7 +134,7 @@ def _detections(run: RecordedRun) -> _Boxes:
     truth_id = found["truth_id"].tolist()
     place_in_scan = found.groupby("step").cumcount()
     return _Boxes(
-        rows=_rows(found),
+        rows=found.groupby("step").indices,
         place=np.column_stack(run.in_plane(found)),
         size_m=detection_sizes(found),
         name=[f"detection {number}" for number in place_in_scan.tolist()],
@@ -150,7 +149,7 @@ def _tracks(run: RecordedRun) -> _Boxes:
     states = tracks["state"].tolist()
     spread = tracks[["existence", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     return _Boxes(
-        rows=_rows(tracks),
+        rows=tracks.groupby("step").indices,
         place=np.column_stack(run.in_plane(tracks)),
         size_m=track_sizes(run).of(*(tracks[name].to_numpy() for name in ("episode", "track_id"))),
         name=[str(number) for number in tracks["track_id"].tolist()],
@@ -214,10 +213,6 @@ def _numbers(curves: Curves) -> Iterator[dict[str, float]]:
     columns |= {name.replace(" ", "_"): values for name, values in curves.count.items()}
     for k in range(len(curves.time_s)):
         yield {name: float(values[k]) for name, values in columns.items()}
-
-
-def _rows(table: pd.DataFrame) -> dict[int, list[int]]:
-    return {int(str(step)): np.asarray(rows).tolist() for step, rows in table.groupby("step").indices.items()}
 
 
 def _stamp(stamp: Any, time_ns: int) -> None:  # noqa: ANN401

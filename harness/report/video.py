@@ -16,6 +16,7 @@ from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILI
 from harness.report.scene import OUT_OF_SIGHT, SEEN_GROUND, SHADOW, corners, shadow_outlines, view_outline
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.running.recorder import detections_of, frame_of
+from harness.running.replay import by_step
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import EgoPose
@@ -92,8 +93,8 @@ def check_film(path: Path, force: bool) -> None:
 
 def frames(run: RecordedRun) -> Iterator[Image.Image]:
     """Yield one picture for each step of a run."""
-    tracks, detections = _by_step(run.tracks), _by_step(run.detections)
-    for step, truth in _by_step(run.truth).items():
+    tracks, detections = by_step(run.tracks), by_step(run.detections)
+    for step, truth in by_step(run.truth).items():
         yield draw_frame(run, truth, detections.get(step, run.detections[:0]), tracks.get(step, run.tracks[:0]))
 
 
@@ -169,7 +170,3 @@ def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
         draw.rectangle((x, y, x + 22 * SMOOTH, y + 13 * SMOOTH), fill=colour)
         draw.text((x + 28 * SMOOTH, y - SMOOTH), name, fill="#222222", font=font)
         x += 28 * SMOOTH + draw.textlength(name, font=font) + 22 * SMOOTH
-
-
-def _by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
-    return {int(str(step)): rows for step, rows in table.groupby("step", sort=True)}

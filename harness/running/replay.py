@@ -70,7 +70,7 @@ def snapshots_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, sett
     """
     _check_content(truth, detections)
     times = np.unique(truth["time_s"].to_numpy(dtype=np.float64))
-    truth_at, detections_at = _by_step(truth), _by_step(detections)
+    truth_at, detections_at = by_step(truth), by_step(detections)
 
     def observe(frame: Frame) -> Observation:
         seen = detections_at.get(frame.step, detections.iloc[:0])
@@ -101,7 +101,7 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
         raise ValueError("the times of the steps do not ascend")
 
 
-def _by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
+def by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
     """Return each step's rows in order of the steps."""
     return {int(str(step)): rows for step, rows in table.groupby("step")}
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from harness.config.layers import leaves, put
 from harness.trackers.catalogue import tracker_options, tuned_options
 from mmpf.options.base import fields_of
 
@@ -154,7 +155,7 @@ def starts_of(tracker: str) -> list[Options]:
     fields, space = dict(fields_of(tracker_options(tracker))), space_of(tracker)
     defaults = {key: fields[key].get_default() for key in space}
     known = {key: value for key, value in defaults.items() if value is not None}
-    found = {key: value for key, value in flat(tuned_options(tracker)).items() if key in space}
+    found = {key: value for key, value in leaves(tuned_options(tracker)) if key in space}
     return [known, known | found] if found else [known]
 
 
@@ -164,21 +165,9 @@ def is_searched(key: str, options: Mapping[str, Value]) -> bool:
     return key == switch or bool(options.get(switch, True))
 
 
-def flat(table: Mapping[str, Value], prefix: str = "") -> Options:
-    """Return the groups that a tracker takes as dotted options."""
-    options: Options = {}
-    for key, value in table.items():
-        options |= flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
-    return options
-
-
 def nested(options: Mapping[str, Value]) -> Options:
     """Return dotted options as the groups that a tracker takes."""
     table: Options = {}
     for key, value in options.items():
-        group: Any = table
-        *names, last = key.split(".")
-        for name in names:
-            group = group.setdefault(name, {})
-        group[last] = value
+        put(table, key.split("."), value)
     return table
