@@ -1,15 +1,22 @@
-"""The tables of the page as HTML."""
+"""The tables of the page as HTML: errors, scores, and how long each vehicle was seen and how well it was tracked."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote
 
+import numpy as np
+import pandas as pd
 from markupsafe import Markup, escape
 
 from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mot_value, other_scores
 from harness.report.summary_text import number
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.metrics.quantity import Quantity
+from harness.storage.tables import floats
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "seen in the last 10 s"))
 POSITION_COLUMN = ("position_m", "position m")
@@ -33,7 +40,7 @@ def error_table(mae: Mapping[str, Any]) -> Markup:
     rows = [
         [
             name,
-            *(_mean(mae[state], key) for key, _ in columns),
+            *(_with_interval(mae[state], key) for key, _ in columns),
             number(mae[state].get("followed_percent"), 0, " %"),
             _count(mae[state].get("n")),
         ]
@@ -47,7 +54,7 @@ def hidden_table(mae: Mapping[str, Any]) -> Markup:
     rows = [
         [
             f"{row['from_s']:g} to {row['to_s']:g} s",
-            *(_mean(row, key) for key in ("lon_m", "lat_m", "speed_mps")),
+            *(_with_interval(row, key) for key in ("lon_m", "lat_m", "speed_mps")),
             *(number(row.get(f"{fate}_percent"), 0, " %") for fate in ("tracked", "lost", "hijacked", "untracked")),
             _count(row.get("hidden_n")),
         ]
@@ -70,7 +77,7 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
     return table + html_table(["score", "value"], others) if others else table
 
 
-def _mean(row: Mapping[str, Any], key: str) -> Markup:
+def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
     value, interval = row.get(key), row.get(f"{key}_ci95")
     if value is None:
         return Markup("-")
@@ -84,3 +91,76 @@ def _mean(row: Mapping[str, Any], key: str) -> Markup:
 
 def _count(value: float | None) -> str:
     return "-" if value is None else f"{value:,.0f}".replace(",", "\u202f")
+
+
+MOST_ROWS = 300
+HIDDEN = "hidden"
+HEADINGS = (
+    "vehicle", "seen s", "hidden s", "followed in sight %", "error in sight m", "own track while hidden %",
+    "error hidden m", "hidden cost by identity m", "lost when seen again",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class VehicleTable:
+    """The table of vehicles, the costliest first; names lead to their worst moments in the replay.
+
+    ``cutoff_m`` is what a hidden vehicle costs whose own track does not follow it; ``left_out`` are not listed.
+    """
+
+    table: Markup
+    left_out: int
+    cutoff_m: float
+
+
+def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> VehicleTable | None:
+    """Return the table from the rows of ``errors.parquet`` and ``occlusions.parquet``; None if nobody was detected."""
+    if not len(errors):
+        return None
+    distance_m = np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m"))
+    tracked = (errors["outcome"].astype(object) == "tracked").to_numpy()
+    hidden = (errors["state"].astype(object) == HIDDEN).to_numpy()
+    cost_m = np.where(hidden, np.where(tracked, np.minimum(distance_m, FOLLOW_CUTOFF_M), FOLLOW_CUTOFF_M), 0.0)
+    bad = events[events["outcome"].astype(object).isin(["lost", "hijacked"])]
+    failures = bad["vehicle_id"].astype(object).value_counts()
+    times = floats(errors, "time_s")
+    rows: list[tuple[float, list[str | Markup]]] = []
+    for name, at in errors.groupby(errors["vehicle_id"].astype(object), sort=False).indices.items():
+        own = _Own(tracked[at], hidden[at], distance_m[at], cost_m[at])
+        moment_s = float(times[at[own.worst()]])
+        address = f"#t={moment_s:.1f}&vehicle={quote(str(name))}"
+        link = Markup("<a href='{}'>{}</a>").format(address, str(name))
+        rows.append((float(own.cost_m.sum()), [link, *own.cells(step_s), str(int(failures.get(name, 0)))]))
+    rows.sort(key=lambda row: -row[0])
+    table = html_table(HEADINGS, [cells for _, cells in rows[:MOST_ROWS]])
+    return VehicleTable(table, max(0, len(rows) - MOST_ROWS), FOLLOW_CUTOFF_M)
+
+
+@dataclass(frozen=True)
+class _Own:
+    """The rows of one vehicle, arrays of shape (n,)."""
+
+    tracked: BoolArray
+    hidden: BoolArray
+    distance_m: FloatArray
+    cost_m: FloatArray
+
+    def worst(self) -> int:
+        """Return where it first costs most; of one that was never hidden, where it is farthest off."""
+        if self.hidden.any():
+            return int(np.argmax(self.cost_m))
+        return int(np.argmax(np.nan_to_num(np.where(self.tracked, self.distance_m, 0.0))))
+
+    def cells(self, step_s: float) -> list[str]:
+        """Return its numbers as they stand in the table."""
+        seen, percent = ~self.hidden, np.where(self.tracked, 100.0, 0.0)
+        return [
+            f"{step_s * seen.sum():.1f}", f"{step_s * self.hidden.sum():.1f}",
+            _mean(percent[seen], 0), _mean(self.distance_m[seen & self.tracked], 2),
+            _mean(percent[self.hidden], 0), _mean(self.distance_m[self.hidden & self.tracked], 2),
+            _mean(self.cost_m[self.hidden], 2),
+        ]  # fmt: skip
+
+
+def _mean(values: FloatArray, decimals: int) -> str:
+    return f"{values.mean():.{decimals}f}" if len(values) else "-"

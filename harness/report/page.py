@@ -17,12 +17,11 @@ from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.report.failures import withheld_words, worst_brakings, worst_failures
-from harness.report.html_tables import error_table, hidden_table, mot_table
+from harness.report.html_tables import error_table, hidden_table, mot_table, vehicle_table
 from harness.report.key_figures import first_figures, key_figures, key_rows
 from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import OVER_TIME, diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
-from harness.report.vehicles import vehicle_table
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder

@@ -14,7 +14,7 @@ from harness.analysis.curve_charts import grid_charts
 from harness.analysis.verdicts import UNTESTED, WORSE, Rules, Verdict
 from harness.common.charts import Charts, draw_charts
 from harness.grid.grid import GridRequest, plan_grid
-from harness.report.comparison_chart import comparison_charts
+from harness.report.comparison_page import comparison_charts
 from harness.report.folder_page import text_page
 from harness.report.page import LIBRARY
 from harness.report.run_charts import diagnostics_charts, error_charts, visibility_charts

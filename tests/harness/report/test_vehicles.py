@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from harness.report.vehicles import vehicle_table
+from harness.report.html_tables import vehicle_table
 from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import LAST_SEEN, SEEN_AGAIN, write_recorded_scene
 
