@@ -32,7 +32,7 @@ from harness.storage.tables import write_table
 from harness.truth.network.network import load_network
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _check_sensors_and_trackers(grid: GridPlan) -> None:
 
 
 def _write_outcome(grid: GridPlan, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:
-    """Write curves over the axes; of recorded traffic, one table over all files."""
+    """Write curves over the axes; of recorded traffic, one table over all files; of mismatches, what each costs."""
     table = assemble(grid, rows)
     failures = [
         {"key": run.key, "run": _in_words(rows[run.key]), "error": rows[run.key]["error"]}
@@ -134,44 +134,32 @@ def _write_outcome(grid: GridPlan, request: GridRequest, out: Path, rows: Mappin
         if not rows[run.key]["succeeded"]
     ]
     (out / FIGURES).mkdir(exist_ok=True)
-    tell = _mismatched if request.mismatch else _pooled if grid.is_replay else _curves
-    told = tell(table, grid, request, out / FIGURES, _lines(failures))
+    points: Sequence[Point] = ()
+    broken: Sequence[Break] = ()
+    if request.mismatch:
+        found, ahead = costs(table), leads(table)
+        numbers: dict[str, Any] = {
+            "mismatches": list(map(asdict, found)),
+            "leads": list(map(asdict, ahead)),
+        }
+        text = costs_markdown(found, _lines(failures), ahead)
+    elif grid.is_replay:
+        pooled = pool_files(table)
+        draw_charts(hidden_charts(pooled), "Hidden vehicles in recorded traffic", out / FIGURES / "hidden.png")
+        numbers, text = asdict(pooled), pooled_markdown(pooled, _lines(failures))
+    else:
+        points, broken = curve_points(table, grid.axes), breaks(table)
+        for axis in dict.fromkeys(point.axis for point in points):
+            picture = out / FIGURES / f"over_{axis.replace('.', '_')}.png"
+            draw_charts(curve_charts(points, axis), request.title, picture)
+        numbers = {"breaks": list(map(asdict, broken)), "curves": list(map(asdict, points))}
+        text = as_markdown(request.title, points, broken, _lines(failures))
     about = {"grid": request.as_table(), "runs": len(grid.runs), "failed": len(failures), "failures": failures}
-    summary: dict[str, Any] = without_nan(about | told.numbers)
-    write_text(out / TABLE, told.text + labels_markdown(grid))
+    summary: dict[str, Any] = without_nan(about | numbers)
+    write_text(out / TABLE, text + labels_markdown(grid))
     write_text(out / SUMMARY, json.dumps(summary, indent=2) + "\n")
     write_table(table, out / RUNS)
-    return FinishedGrid(out, request.title, summary, told.points, told.breaks)
-
-
-@dataclass(frozen=True)
-class _Text:
-    """The output of a grid: numbers for programs, the same as Markdown, and curves with their limits."""
-
-    numbers: dict[str, Any]
-    text: str
-    points: Sequence[Point] = ()
-    breaks: Sequence[Break] = ()
-
-
-def _curves(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figures: Path, failures: list[str]) -> _Text:
-    points, broken = curve_points(table, grid.axes), breaks(table)
-    for axis in dict.fromkeys(point.axis for point in points):
-        draw_charts(curve_charts(points, axis), request.title, figures / f"over_{axis.replace('.', '_')}.png")
-    numbers = {"breaks": [asdict(entry) for entry in broken], "curves": [asdict(point) for point in points]}
-    return _Text(numbers, as_markdown(request.title, points, broken, failures), points, broken)
-
-
-def _mismatched(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figures: Path, failures: list[str]) -> _Text:  # noqa: ARG001
-    found, ahead = costs(table), leads(table)
-    numbers = {"mismatches": [asdict(cost) for cost in found], "leads": [asdict(each) for each in ahead]}
-    return _Text(numbers, costs_markdown(found, failures, ahead))
-
-
-def _pooled(table: pd.DataFrame, grid: GridPlan, request: GridRequest, figures: Path, failures: list[str]) -> _Text:  # noqa: ARG001
-    pooled = pool_files(table)
-    draw_charts(hidden_charts(pooled), "Hidden vehicles in recorded traffic", figures / "hidden.png")
-    return _Text(asdict(pooled), pooled_markdown(pooled, failures))
+    return FinishedGrid(out, request.title, summary, points, broken)
 
 
 def _lines(failures: Sequence[Mapping[str, str]]) -> list[str]:
