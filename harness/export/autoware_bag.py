@@ -125,7 +125,7 @@ def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
     episode, number = (tracks[name].to_numpy(dtype=np.int64) for name in ("episode", "track_id"))
     # In the plane the tables do not say which way a track heads.
     orientation = UNAVAILABLE if run.road.has_headings else AVAILABLE
-    return _objects(run, tracks, np.column_stack([episode, number]), track_sizes(run).of(episode, number), orientation)
+    return _objects(run, tracks, np.column_stack([episode, number]), track_sizes(run, episode, number), orientation)
 
 
 def _of_truth(run: RecordedRun, others: pd.DataFrame) -> list[Message]:

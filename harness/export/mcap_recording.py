@@ -151,7 +151,7 @@ def _tracks(run: RecordedRun) -> _Boxes:
     return _Boxes(
         rows=tracks.groupby("step").indices,
         place=np.column_stack(run.in_plane(tracks)),
-        size_m=track_sizes(run).of(*(tracks[name].to_numpy() for name in ("episode", "track_id"))),
+        size_m=track_sizes(run, *(tracks[name].to_numpy() for name in ("episode", "track_id"))),
         name=[str(number) for number in tracks["track_id"].tolist()],
         colour=[PURPLE] * len(tracks),
         about=lambda row: {

@@ -51,7 +51,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     files = [_written(folder / "README.txt", README)]
     files.append(Path(shutil.copyfile(Path(__file__).with_name(SCRIPT), folder / "score.py")))
     files.append(_written(folder / "seqmap.txt", "\n".join(["name", *SEQUENCES]) + "\n"))
-    sizes = track_sizes(run).of(rows.episode[rows.tracks.step], rows.tracks.track_id)
+    sizes = track_sizes(run, rows.episode[rows.tracks.step], rows.tracks.track_id)
     for name, select in SEQUENCES.items():
         selection = select(rows, history, pairs)
         sequence = mot_sequence(rows, history, pairs, selection)

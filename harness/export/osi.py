@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -49,10 +48,9 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     codes, names = pd.factorize(run.truth["vehicle_id"])
     numbers = {str(name): number for number, name in enumerate(names, start=1)}
     files = [folder / name for name in (GROUND_TRUTH, DETECTIONS, TRACKS, VEHICLES)]
-    lanes = osi_lanes(lanes_of(run), first_id=len(names) + 1)
-    _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1, lanes))
+    _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1, first_lane=len(names) + 1))
     found, whose = run.detections, (run.tracks[name].to_numpy() for name in ("episode", "track_id"))
-    found, tracks = _sized(found, detection_sizes(found)), _sized(run.tracks, track_sizes(run).of(*whose))
+    found, tracks = _sized(found, detection_sizes(found)), _sized(run.tracks, track_sizes(run, *whose))
     _write_trace(files[1], _sensor_data(run, found, _describe_detection, numbers))
     _write_trace(files[2], _sensor_data(run, tracks, _describe_track, numbers))
     rows = [f"{number},{name}" for name, number in numbers.items()]
@@ -68,9 +66,10 @@ def _write_trace(path: Path, messages: Iterable[Any]) -> None:
             trace.write(struct.pack("<I", len(content)) + content)
 
 
-def _ground_truth(run: RecordedRun, number: IntArray, lanes: OsiLanes) -> Iterator[GroundTruth]:
-    truth = run.truth
-    lane = lanes.assigned(floats(truth, "lon_m"), floats(truth, "lat_m"))
+def _ground_truth(run: RecordedRun, number: IntArray, first_lane: int) -> Iterator[GroundTruth]:
+    truth, lanes = run.truth, lanes_of(run)
+    content = _lane_messages(lanes, first_lane)
+    strip = lanes.strip_at(floats(truth, "lon_m"), floats(truth, "lat_m"))
     x, y, heading = run.in_plane(truth)
     names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
     speed, lat_speed, accel, length, width = (floats(truth, name) for name in names)
@@ -81,7 +80,9 @@ def _ground_truth(run: RecordedRun, number: IntArray, lanes: OsiLanes) -> Iterat
         message = GroundTruth()
         _stamp(message, float(floats(truth, "time_s")[rows.start]))
         host = np.flatnonzero(is_ego[rows])
-        lanes.add_to(message, int(lane[rows.start + host[0]]) if len(host) else NO_STRIP)
+        message.MergeFrom(content)
+        if len(host) and strip[rows.start + host[0]] != NO_STRIP:
+            message.lane[int(strip[rows.start + host[0]])].classification.is_host_vehicle_lane = True
         for i in range(rows.start, rows.stop):
             vehicle = message.moving_object.add(type=MovingObject.TYPE_VEHICLE)
             vehicle.id.value = int(number[i])
@@ -89,8 +90,8 @@ def _ground_truth(run: RecordedRun, number: IntArray, lanes: OsiLanes) -> Iterat
             vehicle.base.velocity.x, vehicle.base.velocity.y = velocity_x[i], velocity_y[i]
             vehicle.base.acceleration.x = accel[i] * np.cos(along[i])
             vehicle.base.acceleration.y = accel[i] * np.sin(along[i])
-            if lane[i] != NO_STRIP:
-                vehicle.moving_object_classification.assigned_lane_id.add(value=int(lane[i]))
+            if strip[i] != NO_STRIP:
+                vehicle.moving_object_classification.assigned_lane_id.add(value=first_lane + int(strip[i]))
             if is_ego[i]:
                 message.host_vehicle_id.value = int(number[i])
                 vehicle.vehicle_attributes.bbcenter_to_rear.x = 0.0
@@ -174,31 +175,8 @@ def _steps(table: pd.DataFrame) -> dict[int, slice]:
 LINE_WIDTH_M = 0.15
 
 
-@dataclass(frozen=True)
-class OsiLanes:
-    """Lanes and boundaries with identifiers that no vehicle has, and what each message of ground truth has of them.
-
-    The first lane's identifier is ``first_id``; the boundaries' come after the lanes'.
-    """
-
-    lanes: DrivenLanes
-    first_id: int
-    content: GroundTruth
-
-    def assigned(self, lon_m: FloatArray, lat_m: FloatArray) -> IntArray:
-        """Return the identifier of the lane at each position, shape (n,); -1 for none."""
-        strip = self.lanes.strip_at(lon_m, lat_m)
-        return np.where(strip == NO_STRIP, NO_STRIP, strip + self.first_id)
-
-    def add_to(self, message: GroundTruth, of_host: int) -> None:
-        """Put the lanes into a message; ``of_host`` is the identifier of the lane that the ego is on, -1 for none."""
-        message.MergeFrom(self.content)
-        if of_host != NO_STRIP:
-            message.lane[of_host - self.first_id].classification.is_host_vehicle_lane = True
-
-
-def osi_lanes(lanes: DrivenLanes, first_id: int) -> OsiLanes:
-    """Return the lanes as messages whose identifiers begin with a number."""
+def _lane_messages(lanes: DrivenLanes, first_id: int) -> GroundTruth:
+    """Return lanes, whose identifiers begin with a number, and their boundaries, whose follow."""
     content = GroundTruth()
     first_line = first_id + len(lanes.strips)
     for number, strip in enumerate(lanes.strips):
@@ -208,7 +186,8 @@ def osi_lanes(lanes: DrivenLanes, first_id: int) -> OsiLanes:
         about.type, about.subtype = LaneMessage.Classification.TYPE_DRIVING, LaneMessage.Classification.SUBTYPE_NORMAL
         about.centerline_is_driving_direction = True
         middle = LanePolyline(strip.lane.centre_m, strip.lane.start_m, strip.lane.end_m)
-        _add_points(about.centerline, middle.points(lanes.road))
+        for x, y in middle.points(lanes.road).tolist():
+            about.centerline.add(x=x, y=y, z=0.0)
         about.left_lane_boundary_id.add(value=first_line + strip.left)
         about.right_lane_boundary_id.add(value=first_line + strip.right)
         for other in strip.left_neighbours:
@@ -225,9 +204,4 @@ def osi_lanes(lanes: DrivenLanes, first_id: int) -> OsiLanes:
         for x, y in line.points(lanes.road).tolist():
             point = boundary.boundary_line.add(width=LINE_WIDTH_M)
             point.position.x, point.position.y, point.position.z = x, y, 0.0
-    return OsiLanes(lanes, first_id, content)
-
-
-def _add_points(line: Any, points: FloatArray) -> None:  # noqa: ANN401  messages have no types of their own
-    for x, y in points.tolist():
-        line.add(x=x, y=y, z=0.0)
+    return content

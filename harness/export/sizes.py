@@ -6,8 +6,6 @@ none. A detection is on a track if each is the other's nearest, within the gate 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
@@ -27,20 +25,8 @@ def detection_sizes(found: pd.DataFrame) -> FloatArray:
     return np.where(np.isfinite(measured).all(axis=1, keepdims=True), measured, NOMINAL_M)
 
 
-@dataclass(frozen=True)
-class TrackSizes:
-    """Columns ``length_m`` and ``width_m``, indexed by ``episode`` and ``track_id``."""
-
-    table: pd.DataFrame
-
-    def of(self, episode: IntArray, track_id: IntArray) -> FloatArray:
-        """Return length and width of tracks, shape (m, 2)."""
-        wanted = pd.MultiIndex.from_arrays([episode, track_id])
-        return self.table.reindex(wanted).fillna(dict(zip(SIZE, NOMINAL_M, strict=True))).to_numpy(dtype=np.float64)
-
-
-def track_sizes(run: RecordedRun) -> TrackSizes:
-    """Return the sizes of a run's tracks."""
+def track_sizes(run: RecordedRun, episode: IntArray, track_id: IntArray) -> FloatArray:
+    """Return length and width of tracks, shape (m, 2), which two columns of shape (m,) name."""
     measured = run.detections
     if set(SIZE) <= set(measured):
         measured = measured[np.isfinite(measured[SIZE].to_numpy(dtype=np.float64)).all(axis=1)]
@@ -49,7 +35,8 @@ def track_sizes(run: RecordedRun) -> TrackSizes:
     track_row, detection_row = _on_each_other(run.tracks, measured)
     on_track = measured.iloc[detection_row]
     whose = [run.tracks[name].to_numpy()[track_row] for name in ("episode", "track_id")]
-    return TrackSizes(on_track[SIZE].groupby(whose).median())
+    medians = on_track[SIZE].groupby(whose).median().reindex(pd.MultiIndex.from_arrays([episode, track_id]))
+    return medians.fillna(dict(zip(SIZE, NOMINAL_M, strict=True))).to_numpy(dtype=np.float64)
 
 
 def _on_each_other(tracks: pd.DataFrame, detections: pd.DataFrame) -> tuple[IntArray, IntArray]:

@@ -221,9 +221,9 @@ def with_measured_sizes(folder, rng):
 
 
 def test_tracks_are_as_large_as_what_was_measured_of_them(folder):
-    assert track_sizes(read_recorded_run(folder)).of(np.array([0, 0]), np.array([1, 99])).tolist() == [[4.7, 1.9]] * 2
+    assert track_sizes(read_recorded_run(folder), np.array([0, 0]), np.array([1, 99])).tolist() == [[4.7, 1.9]] * 2
     with_measured_sizes(folder, np.random.default_rng(2))
-    sizes = track_sizes(read_recorded_run(folder)).of(np.zeros(4, dtype=int), np.array([1, 2, 3, 99]))
+    sizes = track_sizes(read_recorded_run(folder), np.zeros(4, dtype=int), np.array([1, 2, 3, 99]))
     np.testing.assert_allclose(sizes[:3], [[4.5, 1.8]] * 3, atol=0.15)
     assert sizes[3].tolist() == [4.7, 1.9]  # no such track
     files = {file.name: file for file in export_run(folder, "mot")}
