@@ -102,6 +102,8 @@ class Judgement:
         told: dict[str, Any] = {"regression": self.regression, "outcome": self.outcome, "reasons": self.reasons}
         if self.why is not None:
             told["causes"] = self.why.counts()
+        limits = {key: limit.model_dump() for key, limit in self.rules.limits.items()}
+        told["rules"] = asdict(self.rules) | {"limits": limits}
         table: dict[str, Any] = without_nan(asdict(self) | told)
         return table
 

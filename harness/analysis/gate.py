@@ -21,16 +21,6 @@ from harness.config.layers import table_of_file
 PARAMETER = "gate"
 
 
-class MetricGate(BaseModel):
-    """What is asked of one metric."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-    tolerance: float | None = Field(default=None, ge=0.0, le=100.0)
-    floor: float | None = None
-    ceiling: float | None = None
-
-
 class Gate(BaseModel):
     """The requirements of a gate; without metrics the default ones are judged."""
 
@@ -39,7 +29,7 @@ class Gate(BaseModel):
     tolerance: float = Field(default=TOLERANCE, ge=0.0, le=1.0)
     time_tolerance: float = Field(default=TIME_TOLERANCE, ge=0.0, le=100.0)
     allow_undecided: bool = False
-    metrics: dict[str, MetricGate] = Field(default_factory=dict)
+    metrics: dict[str, Limit] = Field(default_factory=dict)
 
     def rules(self, tolerance: float | None, time_tolerance: float | None, primary: tuple[str, ...] | None) -> Rules:
         """Return the rules of a comparison.
@@ -53,7 +43,7 @@ class Gate(BaseModel):
             self.tolerance if tolerance is None else tolerance,
             self.time_tolerance if time_tolerance is None else time_tolerance,
             primary if primary is not None else tuple(self.metrics) or PRIMARY,
-            {key: Limit(each.tolerance, each.floor, each.ceiling) for key, each in self.metrics.items()},
+            self.metrics,
         )
 
 

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
 from harness.common.effects import LEVEL, Effect
 from harness.common.error_text import shown
@@ -47,27 +48,20 @@ FEWEST_TOLD = 5.0
 """With fewer units an interval that reaches beyond what the metric can be says nothing, and is not told."""
 
 
-@dataclass(frozen=True)
-class Limit:
+class Limit(BaseModel):
     """What is asked of one metric alone.
 
     Attributes:
         tolerance: Share of a's value by which b may be worse; None for that of all metrics.
         floor: What b's value may not be below; None for none.
         ceiling: What it may not be above; None for none.
-
-    Raises:
-        InputError: The tolerance is not a number or out of range.
     """
 
-    tolerance: float | None = None
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    tolerance: float | None = Field(default=None, ge=0.0, le=MOST_TIME_TOLERANCE)
     floor: float | None = None
     ceiling: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check the tolerance."""
-        if self.tolerance is not None:
-            _check_within("tolerance", self.tolerance, MOST_TIME_TOLERANCE)
 
     def breach(self, value: float, quantity: Quantity) -> str:
         """Return a sentence on how a value breaks the bounds; empty where it does not."""
