@@ -51,8 +51,9 @@ def blamed_on(tracker: object, when: str) -> Iterator[None]:
         if os.getpid() != owner:
             if not TOLD_OF_FORK[0]:
                 TOLD_OF_FORK[0] = 1
-                line = f"the tracker {described(tracker)} has forked this process {when}; the copy ends here"
-                print(line, file=sys.stderr, flush=True)  # noqa: T201
+                line = f"the tracker {described(tracker)} has forked this process {when}; the copy ends here\n"
+                sys.stderr.write(line)  # in one piece with its end, so that no other process writes in between
+                sys.stderr.flush()
             os._exit(INTERNAL)
 
 
