@@ -130,6 +130,28 @@ def number(text: str) -> float:
 
 
 @contextmanager
+def reading(path: Path, what: str) -> Iterator[None]:
+    """Turn whatever fails over a file's content into one line that names the file.
+
+    Args:
+        path: The file.
+        what: What it should be, for the message.
+
+    Raises:
+        InputError: Something fails.
+    """
+    try:
+        yield
+    except (InputError, MemoryError):
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; it should be the {what}") from None
+    except Exception as error:
+        told = f"{error} is missing" if isinstance(error, KeyError) else f"{type(error).__name__}: {error}"
+        raise InputError(f"{path}: broken, or no {what}: {' '.join(told.split())[:200]}; mend it") from None
+
+
+@contextmanager
 def unpacked(path: Path) -> Iterator[BinaryIO]:
     """Open a file that may be packed by gzip, whatever its name, for reading its content.
 

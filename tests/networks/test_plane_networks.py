@@ -61,7 +61,7 @@ def test_every_route_leads_from_edge_to_edge_and_every_file_is_within_the_limits
     assert len(routes) >= 2
     assert all(pair in follows for route in routes for pair in pairwise(route))
     for file in folder.glob("*.xml"):
-        check_xml(file)
+        assert not check_xml(file)
 
 
 @pytest.mark.parametrize("name", NAMES)

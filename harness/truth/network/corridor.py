@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from xml.sax import SAXException
 
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import require_file
+from harness.common.untrusted_files import reading, require_file
 from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
@@ -105,12 +104,9 @@ def read_net(path: Path, with_internal: bool = False) -> SumoNet:
     import sumolib.net  # noqa: PLC0415  (heavy)
 
     require_file(path, f"{path.parent}: the network file")
-    try:
+    with reading(path, "SUMO network file"):
         net = sumolib.net.readNet(str(path), withInternal=with_internal)
         edges = net.getEdges(withInternal=False)
-    except (SAXException, ValueError, KeyError, AttributeError, TypeError, IndexError, OSError, EOFError) as error:
-        told = f"{error} is named in it and is not there" if isinstance(error, KeyError) else str(error)
-        raise InputError(f"{path}: not a SUMO network file: {told}") from error
     if not edges:
         raise InputError(f"{path}: not a SUMO network file: it has no edges")
     return net

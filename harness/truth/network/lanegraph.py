@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from xml.sax import SAXException
 
 import numpy as np
 import shapely
 
 from harness.common.errors import InputError
+from harness.common.untrusted_files import reading
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
 from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
 from harness.truth.network.linkcontrol import read_control
@@ -88,7 +88,7 @@ def read_lane_graph(path: Path) -> PlaneNetwork:
         InputError: The file is no SUMO network, has no such lane, or is larger than can be driven on.
     """
     net = read_net(path, with_internal=True)
-    try:
+    with reading(path, "network whose lanes make sense"):
         edges = net.getEdges(withInternal=True)
         lanes = {lane.getID(): lane for edge in edges for lane in edge.getLanes()}
         lines = {name: _line(lane) for name, lane in lanes.items() if _for_road_vehicles(lane)}
@@ -97,21 +97,10 @@ def read_lane_graph(path: Path) -> PlaneNetwork:
             raise InputError(f"{path}: no lane of it is for road vehicles; give a network with roads")
         graph, origin = _assemble(lanes, lines)
         in_roundabout = _in_roundabouts(net, [lanes[name] for name in graph.name])
-    except (ValueError, KeyError, AttributeError, TypeError, IndexError, shapely.GEOSException) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: its lanes make no sense: {_in_words(error)}") from None
     problem = graph_problem(graph)
     if problem:
         raise InputError(f"{path}: {problem}; cut out the part that is driven on")
     return PlaneNetwork(graph, origin, in_roundabout)
-
-
-def _in_words(error: Exception) -> str:
-    """Return what a fault in a network comes from."""
-    if isinstance(error, KeyError):
-        return f"{error} is named and is not there"
-    return str(error) if isinstance(error, ValueError) else "a lane has no points, or leads nowhere"
 
 
 def _in_roundabouts(net: SumoNet, lanes: Sequence[SumoLane]) -> BoolArray | None:
@@ -229,10 +218,8 @@ def read_walls(files: Iterable[Path]) -> FloatArray | None:
 
     walls: list[FloatArray] = []
     for file in files:
-        try:
+        with reading(file, "file of polygons"):
             found = polygon.read(str(file))
-        except (SAXException, ValueError, KeyError, AttributeError, TypeError, IndexError, OSError) as error:
-            raise InputError(f"{file}: its polygons can't be read: {error}") from error
         opaque = [each.shape for each in found if str(each.type).startswith(OPAQUE) and len(each.shape) > 1]
         if not all(np.isfinite(shape).all() for shape in opaque):
             raise InputError(f"{file}: a polygon has a corner that is not finite")

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
-import zlib
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, ParseError, iterparse
+from xml.etree.ElementTree import Element, iterparse
 
 import numpy as np
 
 from harness.common.bounds import PLACE_M, Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number, number_or_nan, require_file, unpacked
+from harness.common.untrusted_files import number, number_or_nan, reading, require_file, unpacked
+from harness.truth.network.consistency import NetParts, contradictions
 from harness.truth.network.lanegraph import ROAD_VEHICLES
-from harness.truth.network.polyline import doubles_back, length_of
+from harness.truth.network.polyline import doubles_back
 
-# By which a lane may be longer than drawn, or is usually (lanes of an edge share a length), or end off what follows.
-AS_DRAWN, USUALLY_DRAWN, MEETING_M = (0.5, 20.0), (0.1, 2.0), 2.0
+# By which a lane may be longer than drawn, or is usually: lanes of an edge share a length.
+AS_DRAWN, USUALLY_DRAWN = (0.5, 20.0), (0.1, 2.0)
 Range = tuple[float, float, float, float]
 """Below the first and above the last number nothing is possible; below the second and above the third it is unusual."""
 PLAUSIBLE: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("plausible.toml").read_text("utf-8"))
 BEGINS_NUMBER = re.compile(r"\s*((nan|inf|infinity)\s*$|[-+.0-9](?!.*:))", re.IGNORECASE)
 """What a word that means a number begins with; a time of day is none."""
-RED = set("ru")  # at which vehicles wait: red, and red with amber
 
 
 def check_xml(path: Path, names_no_place: bool = False) -> list[str]:
@@ -44,52 +42,26 @@ def check_xml(path: Path, names_no_place: bool = False) -> list[str]:
     """
     require_file(path, f"`net`: {path.parent}")
     root: Element | None = None
-    ends: dict[str, tuple[str, str]] = {}
-    letters: set[str] = set()
-    unusual: list[str] = []
-    try:
-        with unpacked(path) as file:
-            for event, element in iterparse(file, events=("start", "end")):
-                root = element if root is None else root
-                if event == "start":
-                    continue
-                if names_no_place:
-                    _check_names_no_place(element, path)
-                unusual += _check_element(element, path)
-                _check_way_through(element, ends, letters, path)
-                element.clear()
-                if len(root) > 1000:
-                    root.clear()
-    except (ParseError, UnicodeDecodeError, OSError, EOFError, ValueError, zlib.error) as error:
-        raise InputError(f"{path}: not well-formed XML: {error}") from None
-    return unusual
+    parts, unusual = NetParts(), list[str]()
+    with reading(path, "XML"), unpacked(path) as file:
+        for event, element in iterparse(file, events=("start", "end")):
+            root = element if root is None else root
+            if event == "start":
+                continue
+            if names_no_place:
+                _check_names_no_place(element, path)
+            unusual += _check_element(element, path)
+            parts.add(element, element.tag == "lane" and _is_for_roads(element))
+            element.clear()
+            if len(root) > 1000:
+                root.clear()
+        return unusual + list(contradictions(parts, path))
 
 
 def _check_names_no_place(element: Element, path: Path) -> None:
     for name, value in element.items():
         if name != "id" and (value.startswith(("/", "~", "$")) or ".." in value):
             raise InputError(f"{path}: {element.tag} names a place, {value[:60]}; leave it out")
-
-
-def _check_way_through(element: Element, ends: dict[str, tuple[str, str]], letters: set[str], path: Path) -> None:
-    """Check an element against earlier ones: where edges and lanes end, and the letters of the present plan."""
-    start, end, name = (element.get(key, "") for key in ("from", "to", "id"))
-    if element.tag == "edge" and not element.get("function"):
-        ends[name] = start, end
-    elif element.tag == "lane" and _is_for_roads(element) and (points := element.get("shape", "").split()):
-        ends[name] = points[0], points[-1]
-    elif element.tag == "connection":
-        lane, via = ends.get(f"{start}_{element.get('fromLane')}"), ends.get(element.get("via", ""))
-        apart = {start, end} <= ends.keys() and ends[start][1] != ends[end][0]
-        places = [[float(word) for word in point.split(",")[:2]] for point in (lane[1], via[0])] if lane and via else ()
-        if apart or (places and math.dist(*places) > MEETING_M):
-            raise InputError(f"{path}: connection from {start[:60]} to {end[:60]}: they do not meet: fix or remove it")
-    elif element.tag == "phase":
-        letters |= set(element.get("state", ""))
-    elif element.tag == "tlLogic":
-        if letters and letters <= RED:
-            raise InputError(f"{path}: tlLogic {name[:60]}: its state is red in every phase: fix or remove it")
-        letters.clear()
 
 
 def _check_element(element: Element, path: Path) -> list[str]:
@@ -149,10 +121,10 @@ def _check_shape(text: str, element: Element, path: Path, who: str) -> list[str]
         PLACE_M.check("the shape", [value for point in points for value in point], who)
         if element.tag != "lane" or not _is_for_roads(element):
             return []  # that of a pavement may be its outline
-        line = np.array([point[:2] for point in points])
+        line = np.array([(*point, 0.0)[:3] for point in points])
         if doubles_back(line):
             raise ValueError("it doubles back")
-        drawn_m = length_of(line)
+        drawn_m = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
         for stated_m in _numbers(element.get("length", "")):
             most_m, usual_m = (share * stated_m + rough_m for share, rough_m in (AS_DRAWN, USUALLY_DRAWN))
             Numbers(stated_m - most_m, stated_m + most_m).check("its length", drawn_m)

@@ -15,6 +15,7 @@ from pathlib import Path
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import checked_path, require_file
+from harness.truth.network.consistency import lanes_under_walls
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
 from harness.truth.network.demand import Demand, Drivers, Equilibrium
 from harness.truth.network.lanegraph import PlaneNetwork, read_lane_graph
@@ -29,6 +30,7 @@ from harness.truth.network.networkfile import (
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
 from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import compile_kernels
 from mmpf.map.road import Road
 
@@ -236,7 +238,9 @@ def _from_elsewhere(path: Path, name: str) -> Network:
             f"it has {len(configurations)} of the latter"
         )
     network = replace(network, unusual=tuple(told for file in network.files for told in check_xml(file)))
-    _ = network.road  # with its walls, which are from elsewhere too
+    # The road has walls, which are from elsewhere too.
+    if isinstance(network.road, LaneGraphRoad) and (crossed := lanes_under_walls(network.road)):
+        network = replace(network, unusual=(f"buildings stand on {crossed} of its lanes", *network.unusual))
     return network
 
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import ParseError, parse
+from xml.etree.ElementTree import parse
 
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number_or_nan, require_file
+from harness.common.untrusted_files import number_or_nan, reading, require_file
 from harness.truth.network.limits import PLAUSIBLE
 
 FILE_OPTIONS = {
@@ -47,10 +47,8 @@ def read_sumocfg(path: Path) -> SumoInputs:
         InputError: A file is missing, malformed or beyond the limits, or no network is named.
     """
     require_file(path, f"`net` {path}")
-    try:
+    with reading(path, "well-formed XML"):
         root = parse(path).getroot()
-    except (ParseError, UnicodeDecodeError, OSError, ValueError) as error:
-        raise InputError(f"{path}: not well-formed XML: {error}") from None
     values = {node.tag: node.get("value", node.get("v", "")) for node in root.iter() if node.attrib}
     named = {option: _named_files(path, values, aliases) for option, aliases in FILE_OPTIONS.items()}
     if len(named["net-file"]) != 1:

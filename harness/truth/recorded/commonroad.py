@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO
-from xml.etree.ElementTree import Element, ParseError, iterparse
+from xml.etree.ElementTree import Element, iterparse
 
 import numpy as np
 
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number, unpacked
+from harness.common.untrusted_files import number, reading, unpacked
 from harness.truth.network.polyline import checked_line
 from harness.truth.recorded.laneletgraph import road_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet
@@ -63,13 +63,8 @@ def read_commonroad(path: Path) -> ReadTraffic:
         InputError: The file is broken or has no lanelets or no vehicles.
     """
     scenario = _Scenario()
-    try:
-        with unpacked(path) as file:
-            _collect(file, path, scenario)
-    except ParseError as error:
-        raise InputError(f"{path}: broken or truncated XML: {error}") from None
-    except (AttributeError, TypeError, ValueError, KeyError) as error:
-        raise InputError(f"{path}: not a CommonRoad scenario of version {' or '.join(VERSIONS)}: {error}") from None
+    with reading(path, f"CommonRoad scenario of version {' or '.join(VERSIONS)}"), unpacked(path) as file:
+        _collect(file, path, scenario)
     if not scenario.lanelets:
         raise InputError(f"{path}: the scenario has no lanelets to take the road from")
     if not scenario.obstacles:

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
-from xml.etree.ElementTree import ParseError, iterparse
+from xml.etree.ElementTree import iterparse
 
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number, unpacked
+from harness.common.untrusted_files import number, reading, unpacked
 from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.rows import ReadTraffic, rows_in
 from harness.truth.sumo.reading import beside_the_road
@@ -80,17 +80,11 @@ def read_fcd(path: Path, net: str) -> ReadTraffic:
     network = load_network(net)
     if network.corridor is None:
         raise InputError(f"`net` {net}: floating-car data are read on a network with a main road alone, such as us101")
-    try:
+    with reading(path, "floating-car data with SUMO's usual attributes"):
         with unpacked(path) as file:
             collected = _collect(file)
         types = [network.vehicle_types_file, *recording_files(path)[1:]]
         sizes = dict(size for file in types if file is not None for size in _type_sizes(file))
-    except ParseError as error:
-        raise InputError(f"{path}: broken or truncated XML: {error}") from None
-    except KeyError as error:
-        raise InputError(f"{path}: a vehicle or timestep lacks {error}; write SUMO's usual attributes") from None
-    except ValueError as error:
-        raise InputError(f"{path}: {error}; fix the value or the order") from None
     if not collected.names:
         raise InputError(f"{path}: it contains no vehicle; give a recording with vehicles")
     return _traffic(collected, network, sizes)

@@ -15,7 +15,7 @@ import pyarrow.csv
 
 from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import number, require_file
+from harness.common.untrusted_files import number, reading, require_file
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
@@ -124,25 +124,19 @@ def _in_road_frame(
 def _markings(recording: pa.Table, direction: int, path: Path) -> FloatArray:
     name = MARKINGS[direction]
     text = str(recording[name][0].as_py() or "")
-    try:
+    with reading(path, f"two or more numbers with semicolons between them, {name} is {text!r}"):
         first, *others = (number(word) for word in text.split(";"))
         markings = np.array([first, others[0], *others[1:]])
         MARKING_M.check("a marking", markings)
         LANE_WIDTH_M.check("the width between two markings", np.diff(markings))
-    except (ValueError, IndexError) as error:
-        raise InputError(
-            f"{path}: {name} is {text!r}; it must be at least two numbers with semicolons between them: {error}"
-        ) from None
     return markings
 
 
 def _read(path: Path, numbers: Mapping[str, Numbers], texts: tuple[str, ...] = ()) -> pa.Table:
     """Return columns of numbers and of texts; of those whose kind is not said Arrow would take 0x10 for 16."""
     types = dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(texts, pa.string())
-    try:
+    with reading(path, "CSV of numbers"):
         table = pa.csv.read_csv(path, convert_options=pa.csv.ConvertOptions(column_types=types))
-    except (pa.ArrowInvalid, OSError) as error:
-        raise InputError(f"{path}: broken CSV: {' '.join(str(error).split())[:200]}") from None
     check_columns(path, table.column_names, types)
     if not len(table):
         raise InputError(f"{path}: it has no rows")

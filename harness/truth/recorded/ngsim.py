@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
@@ -22,7 +22,7 @@ import pyarrow.csv
 
 from harness.common.bounds import Numbers, check_columns, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import unpacked
+from harness.common.untrusted_files import reading, unpacked
 from harness.truth.network.network import load_network
 from harness.truth.recorded.rows import ReadTraffic, Rows, unknown
 from harness.truth.sumo.reading import beside_the_road
@@ -77,13 +77,10 @@ def read_ngsim_text(path: Path, net: str) -> ReadTraffic:
         raise InputError(
             f"{path}: {found} columns where NGSIM's text has {len(TEXT_COLUMNS)}: {', '.join(TEXT_COLUMNS)}"
         )
-    try:
-        with unpacked(path) as content:
-            table = pd.read_csv(
-                content, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=[*COLUMNS, LAST], dtype=np.float64
-            )
-    except (ValueError, OSError) as error:
-        raise InputError(f"{path}: not NGSIM's text of {len(TEXT_COLUMNS)} columns: {_one_line(error)}") from None
+    with reading(path, f"text of NGSIM of {len(TEXT_COLUMNS)} columns"), unpacked(path) as content:
+        table = pd.read_csv(
+            content, sep=r"\s+", header=None, names=list(TEXT_COLUMNS), usecols=[*COLUMNS, LAST], dtype=np.float64
+        )
     check_numbers(path, table, {LAST: Numbers()}, lambda row: f"row {row + 1}, which is cut off,")
     return _traffic({name: table[name].to_numpy() for name in COLUMNS}, path, net, {})
 
@@ -93,13 +90,10 @@ def _read_columns(path: Path, wanted: dict[str, str], location: str | None) -> p
     types: dict[str, pa.DataType] = dict.fromkeys(wanted.values(), pa.float64())
     if location is not None:
         types[location] = pa.dictionary(pa.int32(), pa.string())
-    try:
+    with suppress(pa.ArrowInvalid):
         return _read_csv(path, include, types)
-    except pa.ArrowInvalid as error:
-        if "conversion error" not in str(error):
-            raise InputError(f"{path}: broken CSV: {_one_line(error)}") from None
     # Some exports group the digits of large numbers by commas.
-    try:
+    with reading(path, "CSV of NGSIM"):
         texts = _read_csv(path, include, dict.fromkeys(include, pa.string()))
         return pa.table(
             {
@@ -109,8 +103,6 @@ def _read_columns(path: Path, wanted: dict[str, str], location: str | None) -> p
                 for name in include
             }
         )
-    except pa.ArrowInvalid as error:
-        raise InputError(f"{path}: broken CSV: {_one_line(error)}") from None
 
 
 def _read_csv(path: Path, include: list[str], types: dict[str, pa.DataType]) -> pa.Table:

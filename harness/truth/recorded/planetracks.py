@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.common.bounds import PLACE_M, TURNED_RAD, Numbers, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import unpacked
+from harness.common.untrusted_files import reading, unpacked
 from harness.truth.network.polyline import grid_origin, length_of
 from harness.truth.recorded.laneletgraph import plane_of_lanelets
 from harness.truth.recorded.lanelets import Lanelet
@@ -69,12 +69,8 @@ def traffic_of_scene(path: Path, load: Callable[[BinaryIO], Scene], what: str) -
     Raises:
         InputError: It is no such file, or lacks what is needed; see ``traffic_of_ways``.
     """
-    try:
-        with unpacked(path) as file:
-            ways, lines, others = load(file)
-    except Exception as error:  # a pickle fails in as many ways as there are bytes
-        told = str(error) if isinstance(error, InputError) else f"{type(error).__name__} {str(error)[:100]}"
-        raise InputError(f"{path}: no {what}: {told}; give one as it wrote it") from None
+    with reading(path, what), unpacked(path) as file:
+        ways, lines, others = load(file)
     return traffic_of_ways(ways, lines, path, {"no vehicle": others})
 
 

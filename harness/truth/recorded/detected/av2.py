@@ -18,7 +18,7 @@ import pyarrow.feather
 
 from harness.common.bounds import PLACE_M, UNIT, Numbers, check_columns, check_moves, check_numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import check_file
+from harness.common.untrusted_files import check_file, reading
 from harness.truth.recorded.detected.av2map import map_file, map_files, read_lanelets
 from harness.truth.recorded.detected.numbers import BOX, MOMENTS
 from harness.truth.recorded.detected.recorded_drive import Drive, EgoPoses, GivenBoxes, Labels, sorted_by_step
@@ -136,12 +136,8 @@ def _read(log: Path, with_map: bool) -> Drive:
 
 def _table(path: Path, columns: list[str]) -> pd.DataFrame:
     check_file(path)
-    try:
+    with reading(path, "feather file"):
         table: pd.DataFrame = pa.feather.read_table(path, memory_map=False).to_pandas()
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing") from None
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(f"{path}: can't be read as feather: {error}") from None
     check_columns(path, table.columns, columns)
     if not len(table):
         raise InputError(f"{path} has no rows")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.untrusted_files import check_file
+from harness.common.untrusted_files import check_file, reading
 from harness.truth.network.polyline import checked_line
 from harness.truth.recorded.lanelets import Lanelet
 from mmpf.numerics.arrays import FloatArray
@@ -50,16 +50,10 @@ def read_lanelets(path: Path, origin_xy: FloatArray) -> tuple[Lanelet, ...]:
         InputError: The file is broken, or has no lane for vehicles; the message names it.
     """
     check_file(path)
-    try:
+    with reading(path, "map of Argoverse 2"):
         segments = json.loads(path.read_text(encoding="utf-8"))["lane_segments"]
         chosen = [segment for segment in segments.values() if segment["lane_type"] in FOR_VEHICLES]
         lanelets = {str(segment["id"]): _lanelet(segment, origin_xy) for segment in chosen}
-    except OSError as error:
-        raise InputError(f"{path}: can't be read: {error.strerror}") from None
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"{path}: no map of Argoverse 2: {' '.join(str(error).split())}") from None
-    except KeyError as error:
-        raise InputError(f"{path}: no map of Argoverse 2: {error} is missing") from None
     if not lanelets:
         raise InputError(f"{path}: no lane of it is for vehicles; leave `traffic.recording.map` out")
     if len(lanelets) < len(chosen):

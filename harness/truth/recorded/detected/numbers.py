@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.common.bounds import TURNED_RAD, Numbers
 from harness.common.errors import InputError
-from harness.common.untrusted_files import check_file, number
+from harness.common.untrusted_files import check_file, number, reading
 from mmpf.numerics.arrays import FloatArray
 
 FRAME, MOMENTS = Numbers(0, 100_000, whole=True), Numbers(1, 100_000)
@@ -28,14 +28,8 @@ def words_of(path: Path, separator: str | None, least: int, what: str) -> list[l
         InputError: The file is missing or no text, or a line has fewer words.
     """
     check_file(path)
-    try:
+    with reading(path, f"text of {what}"):
         lines = path.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing; it has the {what}") from None
-    except OSError as error:
-        raise InputError(f"{path}: can't be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text; it should have the {what}") from None
     rows = [(place, line.split(separator)) for place, line in enumerate(lines, start=1) if line.strip()]
     for place, row in rows:
         if len(row) < least:
@@ -49,8 +43,6 @@ def numbers_of(path: Path, rows: list[list[str]], first: int, last: int) -> Floa
     Raises:
         InputError: One is no finite number.
     """
-    try:
+    with reading(path, "file of numbers"):
         values = np.array([[number(word) for word in row[first:last]] for row in rows], dtype=np.float64)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
     return values.reshape(-1, last - first)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -82,8 +83,6 @@ def test_vehicles_that_can_not_be_are_refused_in_one_line(routes, tmp_path):
 
 
 RED = '<tlLogic id="x" type="static" programID="0" offset="0"><phase duration="9" state="rr"/></tlLogic></net>'
-
-
 GAP = '<lane id="a_0" shape="0,0 9,0"/><lane id=":v_0" shape="20,0 30,0"/><connection from="a" to="b" fromLane="0" '
 APART = ('"upstream" to="auxiliary"', '"upstream" to="upstream"')
 
@@ -93,6 +92,28 @@ def test_connections_of_edges_that_do_not_meet_and_signals_that_stay_red_are_ref
     (tmp_path / "a.net.xml").write_text(NET.replace(old, new))
     with pytest.raises(InputError, match=r"a\.net\.xml: (connection from (upstream to upstream|a to b)|tlLogic x)"):
         check_xml(tmp_path / "a.net.xml")
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "told"),
+    [
+        ("us101", r"(-450.*)5.490( .*)5.490", r"\g<1>9.490\g<2>9.490", "lane approach_1 is 7.66"),
+        ("us101", r"(.*\n)(.*approach_1.*\n)", r"\2\1", "the lanes of edge approach are not in order"),
+        ("us101", 'fromLane="0" toLane="0"', 'fromLane="0" toLane="3"', "connections from approach to upstream cross"),
+        ("us101", ".*<connection.*\n", "", "junction section_start has not one row, and place in it"),
+        ("us101", 'incLanes="approach_0 ', 'incLanes="', "junction section_start names other lanes"),
+        ("us101", '"M"', '"m"', "the states of 1 of 22 connections disagree"),
+        ("priority", 'type="priority"', 'type="dead_end"', "lets some wait, but nobody by its type"),
+        ("priority", 'foes="111', 'foes="000', "junction crossing lets some wait for no foe"),
+        ("priority", 'via=":crossing_4_0"', 'via=":crossing_5_0"', "path :crossing_5_0"),
+        ("junction", "rrrrGGGgrrrrGGGg", "rrrrGGGgrrrrGGGr", "signal 15 of tlLogic crossing is never green"),
+        ("junction", "rrrrGGGgrrrrGGGg", "rGrrGGGgrrrrGGGg", "signals of tlLogic crossing are green for foes at once"),
+    ],
+)
+def test_elements_of_a_network_that_contradict_each_other_are_told(name, old, new, told, tmp_path):
+    text = (US101.parent / name / f"{name}.net.xml").read_text()
+    (tmp_path / "a.net.xml").write_text(re.sub(old, new, text, count=1))
+    assert told in "; ".join(check_xml(tmp_path / "a.net.xml"))
 
 
 def test_colours_distributions_and_pavements_are_taken_and_what_is_unusual_is_told(tmp_path):

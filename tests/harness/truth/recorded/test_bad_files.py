@@ -219,7 +219,7 @@ def test_a_number_of_a_file_is_one_that_every_program_reads_alike(text):
 
 UPPER, LOWER, RECORDING, TRACKS = "4.00;7.75;11.50;15.25", "20.00;23.75;27.50;31.25", "recordingMeta", "tracksMeta"
 WRONG_META = [
-    *((RECORDING, "\n1,25,", f"\n1,{rate},", r"frameRate|recordingMeta\.csv: broken CSV")
+    *((RECORDING, "\n1,25,", f"\n1,{rate},", r"frameRate|recordingMeta\.csv: broken, or no CSV")
       for rate in ("0", "nan", "-25", "1e9", "0x10", "2_5")),
     # Lanes that nobody drives on are checked too.
     *((RECORDING, UPPER, marks, "upperLaneMarkings is '")

@@ -1,0 +1,199 @@
+"""Checks that the elements of a network agree with each other, as they do in every network that netconvert writes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import combinations, pairwise
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import shapely
+
+from harness.common.errors import InputError
+from harness.truth.network.polyline import at_shares
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.numerics.arrays import FloatArray
+
+Attributes = dict[str, str]
+MEETING_M, WIDEST_JUNCTION_M = 2.0, 150.0
+"""Lanes that are joined end and begin within the former, or the latter where no path leads across the junction."""
+BESIDE_M, USUAL_WIDTH_M = 1.5, 3.2
+"""Lanes of an edge lie beside each other as far as their widths, SUMO's if they tell none, within the former."""
+PLACES = np.linspace(0.0, 1.0, 9)
+WRONG_SHARE = 0.01
+"""Of so many connections of real networks and not more the state disagrees with the table of right of way."""
+NEVER_GREEN, WAITING, FREE, OF_NO_TABLE = set("ruyY"), "msw", "MO-", "=Z"
+"""Letters of signals at which nobody drives, of connections that wait for others or do not, and that no table tells."""
+NOBODY_WAITS = ("unregulated", "dead_end", "district")
+
+
+@dataclass
+class NetParts:
+    """What of a network's elements is compared with each other.
+
+    Attributes:
+        edges: Edges by name, paths across junctions left out.
+        order: The numbers of each edge's lanes, as they stand in the file.
+        lanes: The middle line, shape (p, 2), and the width of each lane for road vehicles, metres.
+        links: The connections.
+        junctions: The junctions, each with the rows of its table of right of way.
+        plans: The plans of signals, each with its phases.
+    """
+
+    edges: dict[str, Attributes] = field(default_factory=dict)
+    order: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+    lanes: dict[str, tuple[FloatArray, float]] = field(default_factory=dict)
+    links: list[Attributes] = field(default_factory=list)
+    junctions: list[tuple[Attributes, list[Attributes]]] = field(default_factory=list)
+    plans: list[tuple[Attributes, list[Attributes]]] = field(default_factory=list)
+    _rows: list[Attributes] = field(default_factory=list)
+
+    def add(self, element: Element, for_roads: bool) -> None:
+        """Keep an element of the file, all of whose children have been added; lanes with whether they are for roads."""
+        tag, name, attributes = element.tag, element.get("id", ""), dict(element.attrib)
+        if tag == "edge" and "function" not in attributes:
+            self.edges[name] = attributes
+        elif tag == "lane":
+            edge, _, number = name.rpartition("_")
+            self.order[edge].append(number)
+            if for_roads and (points := _points(attributes)):
+                self.lanes[name] = np.array(points), float(attributes.get("width", USUAL_WIDTH_M))
+        elif tag == "connection":
+            self.links.append(attributes)
+        elif tag in ("request", "phase"):
+            self._rows.append(attributes)
+        elif tag in ("junction", "tlLogic"):
+            (self.junctions if tag == "junction" else self.plans).append((attributes, self._rows))
+            self._rows = []
+
+
+def _points(attributes: Attributes) -> list[list[float]]:
+    return [[float(word) for word in point.split(",")[:2]] for point in attributes.get("shape", "").split()]
+
+
+def contradictions(parts: NetParts, path: Path) -> Iterator[str]:
+    """Yield what of a network contradicts something else of it, a clause each.
+
+    Raises:
+        InputError: Nobody can get through: connected lanes do not meet, or a plan of signals is red for all.
+    """
+    yield from _of_lanes(parts)
+    yield from _of_links(parts, path)
+    yield from _of_junctions(parts)
+    yield from _of_signals(parts, path)
+
+
+def _of_lanes(parts: NetParts) -> Iterator[str]:
+    for edge in parts.edges:
+        if (numbers := parts.order[edge]) != list(map(str, range(len(numbers)))):
+            yield f"the lanes of edge {edge[:60]} are not in order"
+        for one, other in pairwise(f"{edge}_{number}" for number in numbers):
+            if {one, other} <= parts.lanes.keys():
+                (line, width_m), (next_line, next_width_m) = parts.lanes[one], parts.lanes[other]
+                apart_m = np.hypot(*(at_shares(line, PLACES) - at_shares(next_line, PLACES)).T)
+                if np.abs(apart_m - 0.5 * (width_m + next_width_m)).max() > BESIDE_M:
+                    yield f"lane {other[:60]} is {apart_m.min():.3g} to {apart_m.max():.3g} m from the one beside it"
+
+
+def _of_links(parts: NetParts, path: Path) -> Iterator[str]:
+    leads_to = {_lane(link, "from"): _lane(link, "to") for link in parts.links}
+    begun = Counter(link["via"] for link in parts.links if "via" in link)
+    left = Counter(_lane(link, "from") for link in parts.links)
+    ways: dict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
+    for link in parts.links:
+        start, end, via = link.get("from", ""), link.get("to", ""), link.get("via", "")
+        ways[start, end].append((int(link.get("fromLane", 0)), int(link.get("toLane", 0))))
+        lanes, edges = (_lane(link, "from"), via or _lane(link, "to")), (start, end)
+        apart = parts.edges.keys() >= {*edges} and parts.edges[start].get("to") != parts.edges[end].get("from")
+        if parts.lanes.keys() >= {*lanes}:
+            (line, _), (next_line, _) = (parts.lanes[lane] for lane in lanes)
+            most_m = MEETING_M if via or start.startswith(":") else WIDEST_JUNCTION_M
+            apart |= math.dist(line[-1], next_line[0]) > most_m
+        if apart:
+            raise InputError(f"{path}: connection from {start[:60]} to {end[:60]}: they do not meet: fix or remove it")
+        if via and (begun[via] > 1 or left[via] > 1 or leads_to.get(via) != _lane(link, "to")):
+            yield f"path {via[:60]} of a connection to {end[:60]} is another's too, or leads elsewhere"
+    for (start, end), way in ways.items():
+        if any((one - other) * (to - other_to) < 0 for (one, to), (other, other_to) in combinations(way, 2)):
+            yield f"connections from {start[:60]} to {end[:60]} cross each other"
+
+
+def _lane(link: Attributes, which: str) -> str:
+    return f"{link.get(which)}_{link.get(f'{which}Lane')}"
+
+
+def _tables(parts: NetParts) -> Iterator[tuple[Attributes, list[Attributes], list[Attributes]]]:
+    """Yield each junction with the rows of its table of right of way, and the connection that each is of."""
+    of_path = {link["via"]: link for link in parts.links if "via" in link}
+    of_lane: dict[str, list[Attributes]] = defaultdict(list)
+    for link in parts.links:
+        of_lane[_lane(link, "from")].append(link)
+    for at, rows in parts.junctions:
+        if at.get("type") != "internal":
+            paths, into = at.get("intLanes", "").split(), at.get("incLanes", "").split()
+            links = [of_path.get(lane, {}) for lane in paths] or [link for lane in into for link in of_lane[lane]]
+            yield at, rows, links
+
+
+def _of_junctions(parts: NetParts) -> Iterator[str]:
+    leading: dict[str, set[str]] = defaultdict(set)
+    for edge, its in parts.edges.items():
+        leading[its.get("to", "")].update(f"{edge}_{number}" for number in parts.order[edge])
+    agree: list[bool] = []
+    for at, rows, links in _tables(parts):
+        name, into = at.get("id", ""), at.get("incLanes", "").split()
+        waits, foes = ([row.get(key, "")[::-1] for row in rows] for key in ("response", "foes"))
+        for_no_foe = [("1", "0") in zip(*row, strict=False) for row in zip(waits, foes, strict=True)]
+        its_own = [row[k : k + 1] == "1" for k, row in enumerate(foes)]
+        lost = [lane for lane, link in zip(at.get("intLanes", "").split(), links, strict=False) if not link]
+        faults = {
+            "names other lanes than lead to it": leading[name] != {lane for lane in into if not lane.startswith(":")},
+            "has not one row, and place in it, for each connection": rows
+            and {len(links)} != {len(rows), *map(len, waits), *map(len, foes)},
+            "has a path of no connection": parts.lanes.keys() & lost,
+            "lets some wait for no foe, or for themselves": any(for_no_foe + its_own),
+            "lets some wait, but nobody by its type": at.get("type") in NOBODY_WAITS and "1" in "".join(waits),
+        }
+        yield from (f"junction {name[:60]} {fault}" for fault, there in faults.items() if there)
+        for link, row in zip(links, waits, strict=False):
+            state, is_within = link.get("state", "="), link.get("from", ":").startswith(":")
+            if state not in OF_NO_TABLE and not is_within and "tl" not in link:
+                agree.append(state in (WAITING if "1" in row else FREE))
+    if agree.count(False) > WRONG_SHARE * len(agree):
+        yield f"the states of {agree.count(False)} of {len(agree)} connections disagree with their junctions"
+
+
+def _of_signals(parts: NetParts, path: Path) -> Iterator[str]:
+    used: dict[str, set[int]] = defaultdict(set)
+    foes: dict[str, set[tuple[int, int]]] = defaultdict(set)
+    for link in parts.links:
+        used[link.get("tl", "")].add(int(link.get("linkIndex", 0)))
+    for _, rows, links in _tables(parts):
+        for link, row in zip(links, rows, strict=False):
+            marked = [other for other, mark in zip(links, row.get("foes", "")[::-1], strict=False) if mark == "1"]
+            for other in (each for each in marked if "tl" in each and each["tl"] == link.get("tl")):
+                foes[link["tl"]].add((int(link.get("linkIndex", 0)), int(other.get("linkIndex", 0))))
+    for at, phases in parts.plans:
+        name, states = at.get("id", ""), [phase.get("state", "") for phase in phases]
+        stuck = {k for k, letters in enumerate(zip(*states, strict=False)) if set(letters) <= NEVER_GREEN}
+        if stuck and len(stuck) == max(map(len, states)):
+            raise InputError(f"{path}: tlLogic {name[:60]}: its state is red in every phase: fix or remove it")
+        green = [{k for k, letter in enumerate(state) if letter == "G"} for state in states]
+        if stuck & used[name]:
+            yield f"signal {min(stuck & used[name])} of tlLogic {name[:60]} is never green"
+        if any(together >= {*pair} for together in green for pair in foes[name]):
+            yield f"signals of tlLogic {name[:60]} are green for foes at once"
+
+
+def lanes_under_walls(road: LaneGraphRoad) -> int:
+    """Return how many lanes have a wall across their middle line."""
+    if road.walls_xy is None:
+        return 0
+    points = np.diff(road.graph.first_point)
+    lines = shapely.linestrings(road.graph.xy, indices=np.repeat(np.arange(len(points)), points))
+    walls = shapely.STRtree([shapely.LineString(ends) for ends in road.walls_xy.reshape(-1, 2, 2)])
+    return len(np.unique(walls.query(lines, predicate="intersects")[0]))
