@@ -100,7 +100,6 @@ def test_connections_of_edges_that_do_not_meet_and_signals_that_stay_red_are_ref
         ("us101", r"(-450.*)5.490( .*)5.490", r"\g<1>9.490\g<2>9.490", "lane approach_1 is 7.66"),
         ("us101", r"(.*\n)(.*approach_1.*\n)", r"\2\1", "the lanes of edge approach are not in order"),
         ("us101", 'fromLane="0" toLane="0"', 'fromLane="0" toLane="3"', "connections from approach to upstream cross"),
-        ("us101", ".*<connection.*\n", "", "junction section_start has not one row, and place in it"),
         ("us101", 'incLanes="approach_0 ', 'incLanes="', "junction section_start names other lanes"),
         ("us101", '"M"', '"m"', "the states of 1 of 22 connections disagree"),
         ("priority", 'type="priority"', 'type="dead_end"', "lets some wait, but nobody by its type"),
