@@ -24,7 +24,7 @@ SCATTER = {
 REPETITIONS = 100
 
 
-def called_worse(planted: float, suites: int = 1, models: tuple[str, ...] = ("cvm", "gmm")) -> int:
+def called_worse(planted: float, suites: int, models: tuple[str, ...]) -> int:
     """Return how many of a hundred comparisons end in worse.
 
     Args:
@@ -51,11 +51,6 @@ def called_worse(planted: float, suites: int = 1, models: tuple[str, ...] = ("cv
                 measured.append(measure(Arms(str(model), quantity, a, b, layout)))
         worse += any(verdict.regression for verdict in judge(measured))
     return worse
-
-
-def test_five_percent_more_hidden_cost_is_called_worse_in_nine_of_ten_though_random_numbers_fall_otherwise():
-    """In 97 of 100 with the baseline of revision 108b5b1; another one moves that by a few."""
-    assert called_worse(1.05) >= 90
 
 
 def test_a_regression_of_the_noisier_model_alone_needs_several_times_the_suite():
