@@ -9,7 +9,9 @@ range all the time.
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
@@ -26,6 +28,7 @@ from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road
 from tests.harness.scoring.scenes import score_run
 
+COMMAND = "harness run"
 STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0
 LAST_SEEN, SEEN_AGAIN, GIVEN_UP, NEW_TRACK = 20, 40, 30, 43
 
@@ -35,9 +38,32 @@ def write_recorded_scene(
     names: dict[str, str] | None = None,
     road: Road | None = None,
     config: RunConfig | None = None,
-    command: str = "harness run",
+    command: str = COMMAND,
 ) -> Path:
     """Write the folder; vehicles can be given other names."""
+    if not (names or road or config) and command == COMMAND:
+        for file, content in usual_files().items():
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / file).write_bytes(content)
+        return folder
+    return written_scene(folder, names, road, config, command)
+
+
+@cache
+def usual_files() -> dict[Path, bytes]:
+    """Return the files of the scene without options, by their places in it: made once, and copied then."""
+    with TemporaryDirectory() as kept:
+        scene = written_scene(Path(kept) / "scene")
+        return {path.relative_to(scene): path.read_bytes() for path in scene.rglob("*") if path.is_file()}
+
+
+def written_scene(
+    folder: Path,
+    names: dict[str, str] | None = None,
+    road: Road | None = None,
+    config: RunConfig | None = None,
+    command: str = COMMAND,
+) -> Path:
     road = road or highway()
     config = config or resolve_run_config(options={"seed": 7, "duration": STEPS * STEP_S, "model": "cvm"})
     truth, detections, tracks = truth_table(names or {}), detection_table(names or {}), track_table()

@@ -13,9 +13,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import NamedTuple
 
 import numpy as np
@@ -59,13 +57,8 @@ class Input(NamedTuple):
     code: int = 2
 
 
-@cache
-def made_scene() -> Path:
-    return write_recorded_scene(Path(mkdtemp()) / "scene")
-
-
 def scene(folder: Path) -> Path:
-    return shutil.copytree(made_scene(), folder / "scene")
+    return write_recorded_scene(folder / "scene")
 
 
 def option(text: str, word: str) -> Input:

@@ -7,6 +7,8 @@ import pytest
 import harness
 from tests.harness.recorded_scene import write_recorded_scene
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 NO_TEXT = "\ud800"
 MUTE = type("Mute", (), {"__repr__": lambda self: 1 / 0})()
 CALLS = [

@@ -21,6 +21,8 @@ from tests.harness.analysis.test_compare import grid_folder, wobbling
 from tests.harness.analysis.test_comparison_text import comparison, verdict
 from tests.harness.analysis.test_power import BASELINE, SCATTER
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 NOISE = [-0.03, 0.02, 0.04, -0.05]
 
 

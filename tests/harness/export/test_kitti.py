@@ -17,6 +17,8 @@ from harness.export.formats import export_run
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.truth.recorded.detected.made import AHEAD_M, GAP, PARKED_XY, SPEED_MPS, STEPS, write_kitti
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:

@@ -26,6 +26,8 @@ from harness.storage import ownership
 from tests.harness.full_disk import disk_full_from
 from tests.harness.grid.executors import MadeUp
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", models="cvm", duration_s=2.0)
 
 
