@@ -183,15 +183,10 @@ def failing(seeds):
 
 HOPELESS = {
     "all metrics nan": with_values(np.nan),
-    "all metrics infinite": with_values(np.inf),
     "one metric nan": with_values(np.nan, "mot.hota"),
-    "one metric nan in a fifth of the runs": lambda table: table.assign(
-        **{"mot.hota": table["mot.hota"].where(table["seed"] >= 2)}
-    ),
     "columns missing": without_metrics,
     "one column missing": lambda table: table.drop(columns="mot.hota"),
     "one run failed": failing([3]),
-    "seven runs failed": failing(range(7)),
     "few runs left": lambda table: table[table["seed"] < 3],
     "one other seed": lambda table: table[table["seed"] < 1].assign(seed=lambda rows: rows["seed"] + 50),
 }
@@ -201,10 +196,10 @@ HOPELESS = {
 def test_what_is_hopeless_is_undecided_and_never_passes(change, tmp_path, capsys):
     a = grid_folder(tmp_path / "a")
     b = edited(a, change)
-    assert run_command_line(["compare", a, b]) == exit_codes.UNDECIDED
-    assert "No worse" not in capsys.readouterr().err
-    assert run_command_line(["compare", a, b, "--json", "--quiet"]) == exit_codes.UNDECIDED
-    assert json.loads(capsys.readouterr().out)["reasons"]
+    assert run_command_line(["compare", a, b, "--json"]) == exit_codes.UNDECIDED
+    told = capsys.readouterr()
+    assert "No worse" not in told.err
+    assert json.loads(told.out)["reasons"]
 
 
 def test_a_tracker_whose_runs_all_failed_does_not_vanish_unseen(tmp_path):
@@ -247,37 +242,30 @@ def test_a_wrong_call_is_answered_with_one_line(tmp_path, capsys):
 
 
 @pytest.fixture
-def echo_runs(tmp_path) -> tuple[str, str, str]:
-    """Make a run, its replay with other random numbers of the tracker, and a run on other traffic."""
-    usual, sparse = (observing(SteadyTraffic(steps=12, cars_per_lane=count)) for count in (6, 4))
+def echo_run(tmp_path) -> str:
     config = resolve_run_config(options={"tracker": ECHO})
-    first = run(config, out=tmp_path / "first", open_snapshots=usual).folder
-    again = run(
-        resolve_run_config(options={"replay": str(first), "tracker": ECHO, "seed": 5}), out=tmp_path / "again"
-    ).folder
-    other = run(config, out=tmp_path / "other", open_snapshots=sparse).folder
-    return str(first), str(again), str(other)
+    return str(run(config, out=tmp_path / "run", open_snapshots=observing(SteadyTraffic(steps=12))).folder)
 
 
-def test_a_single_run_against_itself_differs_in_nothing(echo_runs):
-    verdicts = compared(echo_runs[0], echo_runs[0]).verdicts
+def test_a_single_run_against_itself_differs_in_nothing(echo_run):
+    verdicts = compared(echo_run, echo_run).verdicts
     assert {verdict.difference for verdict in verdicts if verdict.pairs} == {0.0}
     assert {verdict.verdict for verdict in verdicts if verdict.primary and verdict.pairs} == {NO_WORSE}
-    a, b = (open_source(echo_runs[0], "compare") for _ in range(2))
+    a, b = (open_source(echo_run, "compare") for _ in range(2))
     every, _ = compare_runs(a, b, Rules(primary=tuple(quantity.key for quantity in compared_quantities())))
     assert all(each.same for each in every if each.pairs)
 
 
-def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_runs, tmp_path):
-    poorer = Path(shutil.copytree(echo_runs[0], tmp_path / "poorer"))
+def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_run, tmp_path):
+    poorer = Path(shutil.copytree(echo_run, tmp_path / "poorer"))
     metrics = json.loads((poorer / "metrics.json").read_text())
     metrics["mot"]["hota"] = None
     (poorer / "metrics.json").write_text(json.dumps(metrics))
     with pytest.raises(InputError, match=r"metrics\.json was changed after it was written"):
-        compared(echo_runs[0], str(poorer))
+        compared(echo_run, str(poorer))
     manifest = json.loads((poorer / "manifest.json").read_text())
     (poorer / "manifest.json").write_text(json.dumps(manifest | {"files_sha256": {}}))
-    verdict = next(one for one in compared(echo_runs[0], str(poorer)).verdicts if one.metric == "mot.hota")
+    verdict = next(one for one in compared(echo_run, str(poorer)).verdicts if one.metric == "mot.hota")
     assert (verdict.verdict, verdict.pairs, verdict.regression) == (UNDECIDED, 0, False)
     assert verdict.a > 0.0
     assert np.isnan(verdict.b)
@@ -287,7 +275,7 @@ def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_runs,
 @pytest.fixture
 def small_suite(monkeypatch) -> None:
     """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
-    request = GridRequest(densities="20", trackers=ECHO, seeds="12", duration_s=1.0)
+    request = GridRequest(densities="20", trackers=ECHO, seeds="3", duration_s=1.0)
     monkeypatch.setattr("harness.commands.actions.compare_sides.SUITES", {"standard": request})
 
     def run_here(cells, workers, timeout_s, on_row) -> None:
@@ -305,7 +293,7 @@ def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, 
     assert (tmp_path / "results/reference/standard/runs.parquet").is_file()
     assert run_command_line(["compare", "--suite", "standard", "--out", "again", "--quiet"]) == 0
     assert run_command_line(["compare", "again", "--baseline", "results/reference", "--json", "--quiet"]) == 0
-    assert {verdict["pairs"] for verdict in json.loads(capsys.readouterr().out)["verdicts"]} >= {12}
+    assert {verdict["pairs"] for verdict in json.loads(capsys.readouterr().out)["verdicts"]} >= {3}
 
 
 IN_PLAIN_VIEW = ["in_plain_view.recall", "in_plain_view.worst_tenth"]

@@ -23,10 +23,8 @@ STARVES = pytest.mark.xfail(reason="components starve under the published rule",
 
 
 def published_rule_checks() -> list[object]:
-    return [
-        pytest.param(check, marks=STARVES if check.name in BEYOND_THE_PUBLISHED_RULE else ())
-        for check in tracker_checks()
-    ]
+    marks = {**dict.fromkeys(BEYOND_THE_PUBLISHED_RULE, STARVES), "500_detections": pytest.mark.slow}
+    return [pytest.param(check, marks=marks.get(check.name, ())) for check in tracker_checks()]
 
 
 # A baseline without memory can keep no identity.

@@ -91,7 +91,7 @@ def test_a_tracker_changes_neither_what_is_recorded_nor_the_road_that_is_scored(
     assert (scene / "road.json").read_text() == (tmp_path / "out" / "road.json").read_text()
 
 
-def started(folder, scene, step, name="bad:make"):
+def started(folder, scene, step, name):
     (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make="pass"))
     install(folder, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
     words = ["run", "--replay", str(scene), "--tracker", name, "--quiet", "--out", str(folder / "out")]
@@ -106,34 +106,24 @@ def started(folder, scene, step, name="bad:make"):
     )
 
 
-ENDS = {
-    "os._exit(0)": "bad.py line 11 ended the process by os._exit(0)",
-    "if os.fork() == 0: os.kill(os.getppid(), 9)": "crashed it (SIGKILL)",
-    "__import__('ctypes').string_at(0)": "crashed it (SIGSEGV)",
-}
+EXITS = ("os._exit(0)", "bad.py line 11 ended the process by os._exit(0)")
+KILLS = ("if os.fork() == 0: os.kill(os.getppid(), 9)", "crashed it (SIGKILL)")
+CRASHES = ("__import__('ctypes').string_at(0)", "crashed it (SIGSEGV)")
 
 
-@pytest.mark.parametrize("step", ENDS)
-def test_a_tracker_that_ends_the_process_is_one_line(step, tmp_path, scene):
-    process = started(tmp_path, scene, step)
+@pytest.mark.parametrize(("step", "end", "name"), [(*EXITS, "bad-one"), (*CRASHES, "bad:make")])
+def test_a_tracker_that_ends_the_process_is_one_line(step, end, name, tmp_path, scene):
+    process = started(tmp_path, scene, step, name)
     told = process.communicate(timeout=120)[1].splitlines()
     assert process.returncode == 3
     assert told[-1].startswith("error: bad")
-    assert ENDS[step] in told[-1]
+    assert end in told[-1]
     assert sum(line.startswith("error:") for line in told) == 1
     assert not (tmp_path / "out").exists()
 
 
-def test_a_tracker_of_a_package_that_ends_the_process_is_one_line(tmp_path, scene):
-    process = started(tmp_path, scene, "os._exit(0)", "bad-one")
-    (line,) = process.communicate(timeout=120)[1].splitlines()
-    assert process.returncode == 3
-    assert line.startswith("error: bad.py line 11 ended the process by os._exit(0)")
-
-
 @pytest.mark.parametrize(
-    ("step", "told", "name"),
-    [(*end, "bad-one") for end in ENDS.items()] + [("raise KeyError('x')", "KeyError: 'x'", "bad:make")],
+    ("step", "told", "name"), [(*KILLS, "bad-one"), ("raise KeyError('x')", "KeyError: 'x'", "bad:make")]
 )
 def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_there(
     step, told, name, tmp_path, scene, monkeypatch
@@ -148,10 +138,12 @@ def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_t
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("end", "code"), [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)]
+)
 def test_a_command_with_a_tracker_from_elsewhere_ends_by_signals_as_others_do(end, code, tmp_path, scene):
     here = tmp_path / "here"
-    process = started(tmp_path, scene, f"open({str(here)!r}, 'w').close(); __import__('time').sleep(60)")
+    process = started(tmp_path, scene, f"open({str(here)!r}, 'w').close(); __import__('time').sleep(60)", "bad:make")
     while not here.exists() and process.poll() is None:
         time.sleep(0.05)
     process.send_signal(end)

@@ -165,9 +165,13 @@ WRITERS = {
 }
 
 
-@pytest.mark.parametrize("where", ['file="victim"', 'file="{}/victim"'])
-@pytest.mark.parametrize("writer", WRITERS)
-@pytest.mark.parametrize("within", ["net", "additional"])
+@pytest.mark.parametrize(
+    ("within", "writer", "where"),
+    [
+        ("net", "detector", 'file="{}/victim"'), ("net", "edges", 'file="victim"'),
+        ("additional", "types", 'file="{}/victim"'), ("additional", "detector", 'file="victim"'),
+    ],
+)  # fmt: skip
 def test_no_element_of_any_file_writes_outside_of_the_run(within, writer, where, tmp_path, monkeypatch, capsys):
     working = tmp_path / "working"
     working.mkdir()
