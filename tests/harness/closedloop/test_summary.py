@@ -1,6 +1,7 @@
 """What a closed loop tells, from tables of rows that are made up."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -47,12 +48,17 @@ def table_of(seeds=6, beliefs=("truth", "mmpf"), kinds=(FREE, BRAKE)):
     return pd.DataFrame(rows)
 
 
+@cache
+def usual_scores():
+    return scores(table_of())
+
+
 def one(found, belief, metric, episodes=ALL):
     return next(score for score in found if (score.belief, score.metric, score.episodes) == (belief, metric, episodes))
 
 
 def test_the_truth_is_in_excess_of_itself_by_nothing():
-    found = scores(table_of())
+    found = usual_scores()
     for score in [each for each in found if each.belief == "truth"]:
         assert score.excess in (0.0, None)
         assert score.excess_ci95 in ((0.0, 0.0), None)
@@ -79,7 +85,7 @@ def test_six_episodes_without_a_collision_are_no_certainty():
 
 
 def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
-    found = [score for score in scores(table_of()) if score.metric in (TTC, HARD_BRAKES)]
+    found = [score for score in usual_scores() if score.metric in (TTC, HARD_BRAKES)]
     draw_charts(drive_charts(found), "drives", tmp_path / "drives.svg")
     drawn = re.findall(
         r"Y-axis for a linear scale with values from [0.]+ to ([\d.]+)", (tmp_path / "drives.svg").read_text()
@@ -90,10 +96,9 @@ def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
 
 
 def test_the_order_of_rows_changes_nothing():
-    table = table_of()
-    mixed = table.sample(frac=1.0, random_state=3)
+    mixed = scores(table_of().sample(frac=1.0, random_state=3))
     for metric in (TTC, COLLIDED):
-        whole, shuffled = (one(scores(each), "mmpf", metric) for each in (table, mixed))
+        whole, shuffled = (one(each, "mmpf", metric) for each in (usual_scores(), mixed))
         assert whole.excess == pytest.approx(shuffled.excess)
         assert whole.ci95 == pytest.approx(shuffled.ci95)
 
@@ -115,7 +120,7 @@ def test_scores_of_some_episodes_are_told_of_these_and_each_provocation_apart():
     assert one(found, "mmpf", CROSSED, CROSS).excess == -100.0
     assert not [score for score in found if score.metric == CROSSED and score.episodes in (FREE_ONES, BRAKE)]
     assert "*PET*" in as_markdown("t", found, table, [])
-    assert not [score for score in scores(table_of()) if score.episodes in (BRAKE, CROSS) or score.metric == CROSSED]
+    assert not [score for score in usual_scores() if score.episodes in (BRAKE, CROSS) or score.metric == CROSSED]
 
 
 def test_cars_that_had_been_in_sight_and_those_that_never_were_are_told_apart():

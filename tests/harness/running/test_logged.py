@@ -168,10 +168,11 @@ def test_nuscenes_results_with_scores_have_amota_and_amotp_by_its_rules(scored, 
         }
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> harness.Run:
-    scene = write_recorded_scene(tmp_path / "scene")
-    return harness.run(replay=scene, tracker="detections", out=tmp_path / "run")
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> harness.Run:
+    """Return a run that no test may change."""
+    folder = tmp_path_factory.mktemp("logged")
+    return harness.run(replay=write_recorded_scene(folder / "scene"), tracker="detections", out=folder / "run")
 
 
 def test_a_log_of_a_run_has_the_run_s_own_scores(tmp_path, run):

@@ -122,7 +122,7 @@ def kept_steps(folder: Path, table: str) -> list[int]:
     return sorted(step for file in files for step in pd.read_parquet(file)["step"].unique())
 
 
-@pytest.mark.parametrize("write", moments(WRITES))
+@pytest.mark.parametrize("write", moments(WRITES, often=6))
 def test_whenever_a_disk_fills_for_good_every_stretch_that_was_written_is_kept_once(write, tmp_path, short_stretches):
     with disk_full_from(write) as written, pytest.raises(RunError, match="No space left on device"):
         run_on(tmp_path / "run")

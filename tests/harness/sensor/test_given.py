@@ -63,7 +63,7 @@ def test_equal_snapshots_whatever_the_seed(tmp_path: Path) -> None:
         assert (left.observation.scan.detections.lon_m == right.observation.scan.detections.lon_m).all()
 
 
-@pytest.mark.parametrize("tracker", ["mmpf", "oracle-kalman"])
+@pytest.mark.parametrize("tracker", [pytest.param("mmpf", marks=pytest.mark.slow), "oracle-kalman"])
 def test_trackers_run_over_a_recording_and_a_run_of_it_again(tmp_path: Path, tracker: str) -> None:
     from harness.api import run  # noqa: PLC0415
 

@@ -42,7 +42,7 @@ def covariance(settings, distance_m, bearing, heading):
     return fit + turned(along, math.radians(settings.std_bearing_deg) * distance_m, bearing)
 
 
-@pytest.mark.parametrize("heading_deg", [45.0, 160.0, -90.0])
+@pytest.mark.parametrize("heading_deg", [45.0, 160.0])
 def test_errors_of_a_turned_vehicle_spread_as_stated(heading_deg):
     settings = SensorSettings(**{**QUIET, "std_bearing_deg": 0.6, "std_lon_m": 0.6})
     heading = math.radians(heading_deg)
