@@ -11,19 +11,14 @@ from harness.analysis.arms import Arms, Layout, lost_values, measure, pair
 from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,
-    STEP_TIME,
     UNDECIDED,
     UNTESTED,
     WORSE,
     MetricDifference,
     Rules,
-    compared_quantities,
     judge,
-    name_of,
-    quantity_of,
 )
 from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
-from harness.scoring.metrics import closedloop
 from harness.scoring.metrics.quantity import Quantity
 
 ERROR, SCORE = Quantity("error", "error, m"), Quantity("score", "score, %", higher_is_better=True)
@@ -219,22 +214,6 @@ def test_the_level_is_shared_by_all_that_are_tested_and_by_nothing_else():
     assert [each.verdict for each in judge([own, known], RULES)] == [WORSE, UNDECIDED]
 
 
-def test_a_verdict_tells_all_that_was_measured():
-    (verdict,) = judge([measured(3.0, 2.0, 4.0)], RULES)
-    effect = Effect(3.0, 2.0, 4.0)
-    assert (verdict.label, verdict.metric, verdict.primary, verdict.a, verdict.b) == ("x", "error", True, 100.0, 103.0)
-    assert (verdict.difference, verdict.ci95, verdict.p) == (3.0, effect.ci95, 0.5 * effect.p)
-    assert (verdict.pairs, verdict.units, verdict.margin, verdict.wanting) == (8, 4.0, 2.0, "")
-    assert (verdict.verdict, verdict.regression) == (UNDECIDED, False)
-    assert verdict.more_units == effect.units_to_decide(2.0, 1, 3.0) - 4
-    (uneven,) = judge([measured(3.0, 2.0, 4.5)], RULES)
-    assert uneven.more_units == int(np.ceil(Effect(3.0, 2.0, 4.5).units_to_decide(2.0, 1, 3.0) - 4.5))
-    (time,) = judge([measured(3.0, 2.0, quantity=STEP_TIME)], Rules())
-    assert (time.primary, time.margin) == (True, 25.0)
-    (negative,) = judge([measured(3.0, 2.0, a=-50.0)], Rules(0.1, primary=("error",)))
-    assert negative.margin == 5.0
-
-
 @pytest.mark.parametrize(
     ("difference", "units", "unknown"), [(0.0, 7.0, True), (0.0, 8.0, False), (-1.0, 2.0, True), (-1.0, 3.0, False)]
 )
@@ -265,20 +244,6 @@ def test_runs_of_which_every_value_is_the_same_are_no_worse_and_one_that_differs
     assert (verdict.verdict, verdict.p, verdict.wanting, nothing.verdict) == (NO_WORSE, 1.0, "", UNTESTED)
     other = measured(1.0, 0.1, quantity=Quantity("else", "else"))
     assert judge([*same, other], RULES)[0].wanting == "too few to tell"
-
-
-def test_the_compared_metrics_stand_in_the_order_of_what_is_judged_then_of_their_tables():
-    keys = [quantity.key for quantity in compared_quantities(("mot.idf1", "mae.hidden.lon_m"))]
-    assert keys[:2] == ["mot.idf1", "mae.hidden.lon_m"]
-    first = [key.partition(".")[0] for key in keys[2:]]
-    order = list(dict.fromkeys(first))
-    assert order[:3] == ["hidden", "mae", "hidden_outcomes"]
-    assert order.index("occlusion") == 3
-    assert first == sorted(first, key=order.index)
-    of_drives = {each.key for each in closedloop.QUANTITIES}
-    assert {each.key for each in compared_quantities(closed_loop=True)} <= of_drives
-    assert quantity_of("timing.tracker_ms.p50") is STEP_TIME
-    assert [name_of(key) for key in ("mot.hota", "timing.tracker_ms.p50")] == ["HOTA in sight", "time of a step"]
 
 
 def runs(*rows: tuple, columns=("density", "seed")) -> pd.DataFrame:

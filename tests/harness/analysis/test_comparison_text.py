@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
-import pytest
-
 from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import MOST_MOMENTS, as_markdown, conclusion
-from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED, WORSE, Rules, Verdict
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 
 HOTA, IDF1 = "mot.hota", "mot.idf1"
-NOTHING = math.nan
 
 
 def verdict(metric: str = HOTA, word: str = NO_WORSE, **other: object) -> Verdict:
@@ -31,32 +26,6 @@ def comparison(*verdicts: Verdict, **other: object) -> Judgement:
 
 def failure(place: int, kind: str = KINDS[0], cause: str = CAUSES[0]) -> TrackFailure:
     return TrackFailure(kind, cause, f"flow {place}", 3.1 + place, 1, 2)
-
-
-@pytest.mark.parametrize(
-    ("found", "sentence"),
-    [
-        (
-            [verdict(), verdict(IDF1, BETTER)],
-            "No worse: b is nowhere worse by more than 2 %; of 2 verdicts 1 no worse, 1 better.",
-        ),
-        (
-            [verdict(word=WORSE), verdict(IDF1, WORSE, difference=-8.0), verdict(IDF1, UNDECIDED)],
-            "Worse: b is worse in HOTA in sight (-2.5 %), IDF1 in sight (-10.0 %); of 3 verdicts 2 worse, 1 undecided.",
-        ),
-        (
-            [verdict(word=UNDECIDED), verdict(IDF1, UNTESTED, primary=False)],
-            "Undecided: of 1 verdict 1 undecided.",
-        ),
-    ],
-)
-def test_the_conclusion_is_a_sentence_with_the_number_of_each_verdict(found, sentence):
-    assert conclusion(comparison(*found)) == sentence
-
-
-def test_the_tolerance_of_the_rules_is_told():
-    told = Judgement("old", "new", (verdict(),), (), Rules(tolerance=0.025))
-    assert "nowhere worse by more than 2.5 %;" in conclusion(told)
 
 
 def test_what_is_undecided_says_why_before_anything_else():

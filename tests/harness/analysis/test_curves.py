@@ -132,10 +132,3 @@ def test_every_error_while_followed_has_the_followed_share_in_the_next_column():
     for place, cell in enumerate(cells):
         if "while followed" in cell:
             assert cells[place + 1].endswith("and followed, %"), cell
-
-
-def test_the_headline_of_hidden_vehicles_comes_first():
-    table = pd.DataFrame([rows(20, 0, 10, **{"hidden.hidden_cost_m": 3.5, "hidden.n": 7.0})])
-    text = as_markdown("T", curve_points(table, ()), [], [])
-    first = next(line for line in text.splitlines() if line.startswith("| mmpf"))
-    assert first.startswith("| mmpf cvm | 20 | 3.50 |")

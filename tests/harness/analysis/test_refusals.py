@@ -10,12 +10,11 @@ import pandas as pd
 import pytest
 
 from harness.analysis.compare import Judgement, compare
-from harness.analysis.comparison_text import as_markdown, print_comparison
+from harness.analysis.comparison_text import as_markdown
 from harness.analysis.sources import Source, open_source
 from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,
-    PRIMARY,
     STEP_TIME,
     UNDECIDED,
     UNTESTED,
@@ -60,14 +59,6 @@ def test_a_page_shows_verdicts_in_order_with_units_intervals_and_failures():
     assert "(B/c%20d/report.html#t=" in text
     beside = text.replace("A/report.html", "").replace("B/c%20d/report.html", "")
     assert as_markdown(told(), with_replay=True) == beside != text
-
-
-@pytest.mark.parametrize("columns", ["80", "150"])
-def test_the_screen_shows_each_verdict(columns, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", columns)
-    print_comparison(told())
-    shown = capsys.readouterr().err
-    assert [word for word in ("HOTA", "worse", "undecided", "better", "jpda") if word not in shown] == []
 
 
 def undecided(metric: str = "mot.hota", **other):
@@ -134,79 +125,17 @@ def refused(a: Source, b: Source, rules: Rules | None = None) -> str:
     return str(caught.value)
 
 
-TIME = "The time of a step is not judged: it is comparable only between trackers of one and the same stress test."
-ARMS = "Nothing is paired: whole arms are compared, which shows only larger differences than pairs do."
-
-
-def test_a_comparison_tells_its_sides_rules_units_and_notes():
-    a, b = source("a", failed=2), source("b", rows(seeds=range(1, 6)))
-    found = compare(a, b)
-    assert (found.a, found.b, found.rules, found.units, found.wanting, found.why) == (
-        "a",
-        "b",
-        Rules(),
-        "seeds",
-        (
-            "2 runs of a failed; make them again by --resume --retry-failed.",
-            "mmpf cvm: b lacks 1 of the 4 runs of a (us101, density 20: seed 0).",
-            "mmpf cvm: a lacks 2 of the 5 runs of b (us101, density 20: seeds 4 to 5).",
-        ),
-        None,
-    )
-    assert found.paired == "Compared: 3 of the 4 runs of a with 3 of the 5 runs of b."
-    assert found.outcome == UNDECIDED
-    assert found.notes == (TIME,)
-    assert [each.metric for each in found.verdicts] == [quantity.key for quantity in compared_quantities()]
-    assert {each.pairs for each in found.verdicts} == {3}
-    assert found.primary == tuple(each for each in found.verdicts if each.metric in PRIMARY)
-    same = compare(a, replace(a, failed=0))
-    assert same.notes == ()
-    assert [each.metric for each in same.verdicts][-1] == STEP_TIME.key
-    without = compare(a, replace(a, rows=a.rows.drop(columns=STEP_TIME.key)))
-    assert STEP_TIME.key not in [each.metric for each in without.verdicts]
-    others = compare(source("a"), source("b", rows(seeds=range(10, 14))))
-    assert others.notes == (ARMS, TIME)
-    recorded = source("a", rows(replay="x"))
-    assert compare(recorded, recorded).units == "recordings"
-
-
-def test_what_b_lacks_of_runs_and_trackers_is_wanting():
-    both = ("mmpf cvm", "jpda", "pmbm")
-    a = source("a", rows(both, range(8)))
-    found = compare(a, source("b", rows(("mmpf cvm",), range(3)), failed=3))
-    assert found.wanting == (
-        "3 runs of b failed; make them again by --resume --retry-failed.",
-        "b has no finished run of jpda, pmbm; choose one tracker by FOLDER@LABEL if that is meant.",
-        "mmpf cvm: b lacks 5 of the 8 runs of a (us101, density 20: seeds 3 to 7).",
-    )
-    one = compare(source("a", rows(("x",))), source("b", rows(("y",))))
-    assert one.wanting == ()
-    assert {each.label for each in one.verdicts} == {"x to y"}
-
-
-def test_comparisons_that_make_no_sense_are_refused_in_these_words():
-    drives = source("b", rows(**{COLLIDED: 0.0}))
-    alike = "b holds drives by belief, a runs in which SUMO drives; compare two alike"
-    assert refused(source("a"), drives) == refused(drives, source("a")) == f"compare: {alike}"
-    known = [quantity.key for quantity in compared_quantities()]
-    assert refused(source(), source(), Rules(primary=("mot.hota", "x"))) == (
-        f"`primary` x: no such metric is compared; choose of {', '.join(known)}"
-    )
-    nothing = source("b", rows(seeds=()).reindex(columns=list(rows())))
-    assert refused(source(), nothing) == (
-        "compare: every run of b failed, so there is nothing to compare; run it again"
-    )
-    varied = source("b", axes=("sensor.range_m",))
-    assert refused(source(), varied) == "compare: a and b vary different settings; compare grids of the same settings"
-    assert refused(varied, replace(varied, name="c")) == (
-        "compare: b lacks the columns sensor.range_m; make the grid again"
-    )
-    assert refused(source("a", rows(("x", "y"))), source("b", rows(("z",)))) == (
-        "compare: a and b have no tracker in common; choose one of each by FOLDER@LABEL, for example 'in/a@x' 'in/b@z'"
-    )
-    assert refused(source(), source("b", rows(density=40.0))) == (
-        "compare: a and b have no setting in common; compare grids of the same densities"
-    )
+def test_comparisons_that_make_no_sense_are_refused_with_the_reason():
+    drives, varied = source("b", rows(**{COLLIDED: 0.0})), source("b", axes=("sensor.range_m",))
+    failed = source("b", rows(seeds=()).reindex(columns=list(rows())))
+    for a, b, reason in (
+        (source(), drives, "holds drives"), (drives, source(), "holds drives"), (source(), failed, "b failed"),
+        (source(), varied, "different settings"), (varied, replace(varied, name="c"), "sensor.range_m"),
+        (source("a", rows(("x", "y"))), source("b", rows(("z",))), "no tracker in common"),
+        (source(), source("b", rows(density=40.0)), "no setting in common"),
+    ):  # fmt: skip
+        assert reason in refused(a, b)
+    assert "`primary` x" in refused(source(), source(), Rules(primary=("mot.hota", "x")))
 
 
 def test_drives_are_judged_by_their_own_metrics_unless_others_are_named():
@@ -263,27 +192,21 @@ def test_a_grid_is_opened_whole_or_by_the_label_of_a_tracker(tmp_path):
 
 
 def test_a_folder_that_holds_no_grid_or_run_is_told_why(tmp_path):
-    missing = tmp_path / "missing"
-    assert unopened(missing) == f"`baseline`: {missing} is not a folder; give the folder of a run or of a stress test"
-    again = "make the grid again"
-    for number, content in enumerate((None, "no", "{}", "[]", '{"vary": 3}')):
+    assert "is not a folder" in unopened(tmp_path / "missing")
+    for number, content in enumerate(("no", "{}", '{"vary": 3}')):
         folder = grid_folder(tmp_path / str(number))
-        (folder / "grid.json").unlink() if content is None else (folder / "grid.json").write_text(content)
-        assert unopened(folder) == f"`baseline`: {folder / 'grid.json'} is missing or broken; {again}"
+        (folder / "grid.json").write_text(content)
+        assert f"{folder / 'grid.json'} is missing or broken" in unopened(folder)
     table = rows().drop(columns="label")
     spoilt = {
         "has no rows": table.iloc[:0],
         "has several rows of one run": pd.concat([table, table.iloc[:1]]),
+        "mot.hota holds no numbers": table.assign(**{"mot.hota": "high"}),
     }
-    for number, (why, content) in enumerate(spoilt.items()):
-        folder = grid_folder(tmp_path / f"spoilt {number}", content)
-        assert unopened(folder) == f"`baseline`: {folder / 'runs.parquet'} {why}; {again}"
-    for column in ("mot.hota", COLLIDED):
-        folder = grid_folder(tmp_path / column, table.assign(**{column: "high"}))
-        assert unopened(folder) == f"`baseline`: {folder / 'runs.parquet'}: {column} holds no numbers; {again}"
+    for why, content in spoilt.items():
+        assert why in unopened(grid_folder(tmp_path / why, content))
     assert open_source(str(grid_folder(tmp_path / "none", table.assign(**{"mot.hota": None}))), "x").failed == 0
-    tells = ("density", "replay", "mismatch", "sensor.range_m")
-    for column in tells:
+    for column in ("density", "replay", "mismatch", "sensor.range_m"):
         twice = pd.concat([table.assign(**{column: value}) for value in (1.0, 2.0)])
         folder = grid_folder(tmp_path / f"two {column}", twice, ["sensor.range_m=1,2"] if "sensor" in column else [])
         assert len(open_source(str(folder), "x").rows) == 8
@@ -296,14 +219,9 @@ def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
     monkeypatch.setattr("harness.analysis.sources.runfolder.read_manifest", lambda folder, parameter: {})
     (tmp_path / "config.toml").write_text("")
     metrics = tmp_path / "metrics.json"
-    missing = f"`baseline`: {metrics} is missing or broken; make the run again"
-    assert unopened(tmp_path) == missing
-    for content in ("no", "[]"):
+    for content in ("no", "[]", "{}", '{"run": 5}', *(json.dumps({"run": _without(key)}) for key in RUN)):
         metrics.write_text(content)
-        assert unopened(tmp_path) == missing
-    for content in ({}, {"run": 5}, {"run": RUN | {"seed": "x"}}, *({"run": _without(key)} for key in RUN)):
-        metrics.write_text(json.dumps(content))
-        assert unopened(tmp_path) == f"`baseline`: {metrics} is broken; make the run again"
+        assert f"{metrics} is " in unopened(tmp_path)
     metrics.write_text(json.dumps({"run": RUN, "mot": {"hota": 80.0}}))
     found = open_source(str(tmp_path), "baseline")
     assert (found.name, found.folder, found.failed, found.is_run, found.axes) == (str(tmp_path), tmp_path, 0, True, ())

@@ -6,13 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from harness.analysis import tables
-from harness.analysis.curves import Break, Point, curve_quantities, table_quantities
-from harness.analysis.tables import as_markdown, break_sentence, print_result, value_cell
+from harness.analysis.curves import Point, curve_quantities, table_quantities
+from harness.analysis.tables import as_markdown, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
 OF_SOME_ROADS = {quantity.key for quantity in table_quantities() if quantity.is_of_some_runs}
-HELD = Break("mmpf", None, None, 40.0, False)
 
 
 def points(*, axis: str = "density", places=(20.0, 45.0), labels=("mmpf", "jpda"), without=()) -> list[Point]:
@@ -67,21 +65,6 @@ def test_every_point_stands_in_the_row_of_its_tracker_and_place_below_its_quanti
     assert seen == len(made)
 
 
-def test_the_themes_of_quantities_stand_under_their_own_words_hidden_ones_first():
-    found = sections(as_markdown("T", points(), [], []))
-    headings = {note: lines[0][2:-1] for note, lines in found.items()}
-    assert list(headings)[:3] == [tables.HIDDEN_NOTE, tables.FOLLOWED_NOTE, tables.REST_NOTE]
-    assert set(headings) >= {tables.MANOEUVRE_NOTE, tables.CAUSE_NOTE, tables.ROUTE_NOTE}
-    for quantity in table_quantities():
-        first = quantity.key.split(".")[0]
-        note = {
-            "hidden": tables.HIDDEN_NOTE, "gospa_remembered": tables.HIDDEN_NOTE, "mae": tables.FOLLOWED_NOTE,
-            "against_coasting": tables.FOLLOWED_NOTE,
-        }.get(first, tables.REST_NOTE)  # fmt: skip
-        if quantity.key not in OF_SOME_ROADS:
-            assert quantity.label in headings[note], quantity.key
-
-
 @pytest.mark.parametrize(
     ("mean", "ci95", "with_interval", "cell"),
     [
@@ -93,24 +76,6 @@ def test_the_themes_of_quantities_stand_under_their_own_words_hidden_ones_first(
 )
 def test_a_cell_holds_a_mean_and_its_interval_as_far_as_there_are_any(mean, ci95, with_interval, cell):
     assert value_cell(Point("a", "density", 20.0, "k", mean, ci95, 1, 1), 2, with_interval) == cell
-
-
-def test_the_screen_shows_means_breaks_the_first_ten_failures_and_where_the_rest_lies(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "400")
-    made = points(axis="sensor.range_m")
-    print_result("Title", made, [HELD], [f"seed {k}" for k in range(12)], "results/x")
-    out, err = capsys.readouterr()
-    assert out == ""
-    table = [line.split() for line in err.splitlines() if line.split()[:1] in (["mmpf,"], ["jpda,"])]
-    for words, label, value in zip(table, ("mmpf", "mmpf", "jpda", "jpda"), (20.0, 45.0) * 2, strict=True):
-        of = {point.metric: point.mean for point in made if (point.label, point.value) == (label, value)}
-        means = [f"{of[each.key]:.{each.decimals}f}" for each in curve_quantities()]
-        assert words == [f"{label},", f"{value:g}", *means]
-    assert all(f"failed: seed {k}" in err for k in range(10))
-    assert "seed 10" not in err
-    assert break_sentence(HELD) in err
-    assert "Results: results/x" in err
-    assert "python -m harness compare results/x@mmpf results/x@jpda" in err
 
 
 def test_on_eighty_columns_no_number_is_cut_and_the_trackers_stand_beside_each_part(capsys, monkeypatch):

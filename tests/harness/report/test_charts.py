@@ -15,7 +15,6 @@ from harness.analysis.verdicts import UNTESTED, WORSE, Rules, Verdict
 from harness.common.charts import Charts, draw_charts
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.comparison_page import comparison_charts
-from harness.report.folder_page import text_page
 from harness.report.page import LIBRARY
 from harness.report.run_charts import diagnostics_charts, error_charts, visibility_charts
 from harness.running.finished import read_recorded_run
@@ -120,10 +119,6 @@ def test_what_is_not_judged_has_no_band_and_what_a_lacks_no_point():
     chart = comparison_charts(Judgement("a", "b", (described, without), (), Rules())).charts[0]
     assert [(row["metric"], row["tolerance"]) for row in rows_of(chart)] == [("IDF1 in sight, %", None)]
     assert comparison_charts(Judgement("a", "b", (without,), (), Rules())) is None
-
-
-def test_pages_without_charts_do_not_carry_the_library():
-    assert 'id="vega"' not in text_page("# T\n\ntext\n")
 
 
 def test_the_committed_library_can_be_read_by_a_browser_and_stands_beside_its_licence():

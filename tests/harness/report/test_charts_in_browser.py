@@ -79,19 +79,6 @@ def test_a_name_of_the_legend_shows_its_line_alone_and_once_more_all(page):
     WebDriverWait(page, 10).until(lambda _: strengths() == {"1"})
 
 
-def test_charts_take_the_colours_of_the_readers_scheme_at_once(page):
-    fill = "return getComputedStyle(document.querySelector('.chart-place svg .role-axis-label text')).fill"
-    try:
-        inks = []
-        for scheme in ("light", "dark"):
-            setting = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
-            page.execute_cdp_cmd("Emulation.setEmulatedMedia", setting)
-            inks.append(page.execute_script(fill))
-        assert inks == ["rgb(28, 28, 28)", "rgb(233, 231, 226)"]
-    finally:
-        page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
-
-
 @pytest.mark.parametrize("width", [1400, 700])
 def test_the_page_is_as_wide_as_the_window_and_tables_scroll_in_their_own_boxes(page, width):
     page.set_window_size(width, 900)

@@ -11,7 +11,7 @@ from harness.config.options import keys_of_options
 from harness.grid.cells import command_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.comparison_page import write_kept_pages
-from harness.report.folder_page import as_html, write_page
+from harness.report.folder_page import write_page
 from harness.report.grid_runs import BESIDE
 from harness.running.resolve import resolve_run_config
 from tests.harness.recorded_scene import write_recorded_scene
@@ -97,11 +97,6 @@ def test_the_page_begins_with_the_verdicts_that_compare_gives(grid, capsys):
     found = re.findall(r'<td>([^<]*)</td>\n<td class="verdict[^>]*><strong>([^<]*)</strong>', section)
     assert found == [(str(each["pairs"]), each["verdict"]) for each in judged]
     assert {verdict for _, verdict in found} >= {"undecided"}
-
-
-def test_intervals_stand_below_their_values_so_that_columns_fit():
-    html = as_html("# T\n\n| a | b |\n|---|---|\n| x | 91.5 [90.1, 92.9] |\n")
-    assert "<td>91.5<br><span class='interval-cell'>[90.1, 92.9]</span></td>" in html
 
 
 def test_only_runs_can_be_kept(tmp_path, capsys):

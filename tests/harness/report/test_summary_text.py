@@ -23,16 +23,6 @@ def metrics(tmp_path):
     return metrics_of(write_recorded_scene(tmp_path / "run"))
 
 
-def test_the_summary_counts_what_became_of_the_hidden_vehicles_and_judges_no_handful(metrics):
-    text = " ".join(summary_sentences(metrics))
-    assert "seen again once: 1 had lost it" in text
-    assert "too few for a rate (n = 1)" in text
-    metrics["occlusion"] |= {"events": 9, "lost": 3, "untracked": 2, "same_id": 5, "survived": 5, "hijacked": 1}
-    text = " ".join(summary_sentences(metrics))
-    assert "9 times: 5 had the same track, 1 had lost it, 2 had no track before, 1 had their track on another" in text
-    assert "too few" not in text.partition("9 times")[2].partition(".")[0]
-
-
 @pytest.mark.parametrize(
     ("in_view", "hidden", "words"),
     [

@@ -1,7 +1,5 @@
 """What every motion model must do, and what each is for."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -57,11 +55,6 @@ def test_no_particles_are_no_trouble(name):
     after, latents = model.propagate(state, model.draw_latents(state, rng), around(state), STEP_S, rng)
     assert after.shape == (6, 0)
     assert latents.shape == (model.latent_size, 0)
-
-
-@pytest.mark.parametrize("name", list(motion_models))
-def test_a_model_is_named_as_it_is_registered(name):
-    assert motion_models[name]().name == name
 
 
 @pytest.mark.parametrize("name", list(motion_models))
@@ -177,8 +170,3 @@ def test_a_function_alone_makes_a_model():
     assert not after.any()
     assert latents.shape == (model.latent_size, 3) == (0, 3)
     assert spreads_speed(model)
-
-
-def test_models_are_frozen():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        kinematic("cvm").name = "other"
