@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -44,6 +45,12 @@ def run_on(traffic: SteadyTraffic, config: RunConfig, out: Path, **options: obje
 
 def configured(**options: object) -> RunConfig:
     return resolve_run_config(options={"tracker": ECHO, **options})
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> Path:
+    """Return the folder of a run that no test may change."""
+    return run_on(SteadyTraffic(steps=12), configured(), tmp_path_factory.mktemp("finished") / "run").folder
 
 
 def test_a_run_leaves_every_file(steady_traffic, tmp_path):
@@ -97,8 +104,8 @@ def test_a_replay_gives_the_tracker_the_very_same_scans(steady_traffic, tmp_path
             assert getattr(sizes[0], name).tobytes() == getattr(sizes[1], name).tobytes()
 
 
-def test_a_recording_without_sizes_replays_without_sizes(steady_traffic, tmp_path):
-    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
+def test_a_recording_without_sizes_replays_without_sizes(finished, tmp_path):
+    first = shutil.copytree(finished, tmp_path / "first")
     table = pd.read_parquet(first / runfolder.DETECTIONS)
     table.drop(columns=["length_m", "width_m", "std_length_m", "std_width_m"]).to_parquet(first / runfolder.DETECTIONS)
     again = run(resolve_run_config(options={"replay": str(first), "tracker": ECHO}), out=tmp_path / "again").folder
@@ -108,15 +115,14 @@ def test_a_recording_without_sizes_replays_without_sizes(steady_traffic, tmp_pat
 
 
 @pytest.mark.parametrize("option", [{"net": "other"}, {"density": 33.0}, {"duration": 1.0}, {"sensor": "radar"}])
-def test_a_replay_refuses_other_traffic_or_another_sensor(steady_traffic, tmp_path, option):
-    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
+def test_a_replay_refuses_other_traffic_or_another_sensor(finished, option):
     with pytest.raises(InputError, match=f"`{next(iter(option))}`.*recording"):
-        resolve_run_config(options={"replay": str(first), **option})
+        resolve_run_config(options={"replay": str(finished), **option})
 
 
 @pytest.mark.parametrize("name", [runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD, runfolder.CONFIG])
-def test_a_replay_of_a_damaged_folder_is_refused(steady_traffic, tmp_path, name):
-    first = run_on(steady_traffic, configured(), tmp_path / "first").folder
+def test_a_replay_of_a_damaged_folder_is_refused(finished, tmp_path, name):
+    first = shutil.copytree(finished, tmp_path / "first")
     content = (first / name).read_bytes()
     (first / name).write_bytes(content[: len(content) // 2 - 1])
     with pytest.raises(InputError, match=name):

@@ -23,6 +23,8 @@ from mmpf.tracks import TRACK_STATES
 from tests.harness.stand_ins import SteadyTraffic, observing
 from tests.test_docs import script
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 ROOT = Path(__file__).parents[3]
 
 

@@ -26,6 +26,8 @@ from tests.harness.truth.recorded.crossing import (
 )
 from tests.harness.truth.recorded.layouts import opened, write_commonroad
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 ECHO = "tests.harness.stand_ins:echo_tracker"
 # Places from -60 m on are counted from a whole kilometre below.
 ORIGIN_M = 1000.0

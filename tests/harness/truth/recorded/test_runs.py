@@ -12,6 +12,8 @@ from harness.running.run import run
 from harness.storage import run_folder as runfolder
 from tests.harness.truth.recorded.layouts import write_commonroad, write_highd, write_ngsim_csv
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 ECHO = "tests.harness.stand_ins:echo_tracker"
 
 
