@@ -18,6 +18,8 @@ from harness.running.resolve import resolve_run_config
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.stand_ins import EchoTracker, echo_tracker
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> harness.Run:

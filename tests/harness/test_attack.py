@@ -40,6 +40,8 @@ from tests.harness.truth.recorded.layouts import (
     write_ngsim_text,
 )
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 OUT = ["--quiet", "--out", "out"]
 TRACKER = ["--tracker", "tests.harness.stand_ins:echo_tracker"]
 ECHO = [*TRACKER, "--duration", "1", *OUT]

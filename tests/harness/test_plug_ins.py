@@ -26,6 +26,8 @@ from tests.harness.grid.test_cluster import dask_cluster
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.stand_ins import SteadyTraffic, observing
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 EXAMPLE = Path(__file__).parents[1] / "plugin_example"
 
 

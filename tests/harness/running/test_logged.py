@@ -27,6 +27,8 @@ from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.recorded_scene import write_recorded_scene
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 STEPS, STEP_S, SPEED_MPS = 30, 0.1, 10.0
 Box = tuple[int, str, float, float, float, float]
 BODIES = {1: ("Truck", 15.0, 0.0, 9.0, 2.6), 2: ("Car", 30.0, 0.0, 4.0, 1.6), 3: ("Car", 20.0, 3.5, 4.4, 1.8)}

@@ -14,6 +14,8 @@ from harness.running.snapshots import SnapshotStream
 from harness.storage.schema import HIDDEN, OUT, VISIBLE
 from tests.harness.truth.recorded.detected.made import GAP, PARKED_XY, STEPS, write_kitti
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 
 def snapshots_from(folder: Path, *settings: str) -> SnapshotStream:
     options = {"replay": str(write_kitti(folder)), "format": "kitti-tracking"}

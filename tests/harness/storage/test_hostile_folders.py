@@ -22,6 +22,8 @@ from harness.running.finished import read_recorded_run
 from harness.storage.run_folder import read_table
 from tests.harness.recorded_scene import write_recorded_scene
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 READERS = (["report", "{run}"], ["export", "{run}", "--to", "mot"], ["run", "--replay", "{run}", "--out", "{out}"])
 
 

@@ -17,6 +17,8 @@ from harness.commands.app import run_command_line
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.test_plug_ins import install
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 TRACKS = "replace(Tracks.none(), **{n: np.ones(1, k) for n, k in COLUMNS})"
 MODULE = """
 import os, sys

@@ -15,6 +15,8 @@ from harness.truth.network.limits import check_xml
 from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import open_traffic
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 US101 = Path(__file__).parents[4] / "networks" / "us101"
 NET = (US101 / "us101.net.xml").read_text()
 METADATA = (US101 / "network.toml").read_text()
