@@ -8,8 +8,6 @@ from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.recorded.traffic import recorded_window
 from tests.harness.truth.recorded.layouts import Car, ngsim_rows, write_ngsim_csv
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 FLEET = (
     Car(1, 300.0, 9.0, 10.0, from_s=0.0, to_s=4.0),
     Car(2, 320.0, 5.0, 10.0, from_s=0.5, to_s=6.0),

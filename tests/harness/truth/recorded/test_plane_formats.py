@@ -20,8 +20,6 @@ from harness.truth.recorded.planetracks import MiddleLine, lanelets_of
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf.scan import CAR, TRUCK
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 STEPS = 51
 HEADER = "timestamp,uuid,label,yaw,position.x,position.y,dimensions.x,dimensions.y"
 

@@ -26,8 +26,6 @@ from tests.harness.truth.recorded.layouts import (
     write_ngsim_text,
 )
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 WRITERS = {
     "ngsim": lambda folder: write_ngsim_csv(folder / "scene.csv"),
     "ngsim-text": lambda folder: write_ngsim_text(folder / "scene.txt"),
