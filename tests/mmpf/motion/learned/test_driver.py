@@ -121,12 +121,6 @@ def test_a_model_file_of_the_users_own_is_read(own_file):
     assert load_learned_driver(own_file).model.follower.following.mixture.inputs == 6
 
 
-def altered(path, name, values):
-    arrays = load_arrays(path, "lane-keeping")
-    arrays[name] = values
-    save_arrays(path, arrays)
-
-
 def refuses(load, path, words):
     with pytest.raises(ModelFileError, match=words) as refusal:
         load(path)
@@ -138,9 +132,10 @@ def test_what_is_no_such_model_is_refused(own_file, tmp_path):
     refuses(load_learned_driver, tmp_path / "none.npz", "does not exist")
     refuses(load_short_driver, own_file, "not for lane-keeping-short")
     refuses(CHANGE.load, own_file, "not for lane-change")
-    means = load_arrays(own_file, "lane-keeping")["following.means"]
-    for wrong, words in ((np.full_like(means, np.nan), "not finite"), (np.zeros((28, 5)), "shape")):
-        altered(own_file, "following.means", wrong)
+    arrays = load_arrays(own_file, "lane-keeping")
+    nowhere = np.full_like(arrays["following.means"], np.nan)
+    for wrong, words in ((nowhere, "not finite"), (np.zeros((28, 5)), "shape")):
+        save_arrays(own_file, arrays | {"following.means": wrong})
         refuses(load_learned_driver, own_file, words)
     own_file.write_bytes(own_file.read_bytes()[:500])
     refuses(load_learned_driver, own_file, "damaged or no npz")
