@@ -12,6 +12,7 @@ import pytest
 
 import harness
 import harness.plugins
+import mmpf
 from harness.config.model import RunConfig
 from harness.config.options import RunOptions, checked, keys_of_options, setting_words
 from harness.running.resolve import resolve_run_config
@@ -35,15 +36,18 @@ def run(tmp_path_factory) -> harness.Run:
         ({"density": 70}, "`density`.*65"),
         ({"density": float("nan")}, "`density`"),
         ({"density": "many"}, "`density`: give a number, not 'many'"),
+        ({"density": True}, "`density`: give a number, not True"),
         ({"density": 20, "demand": "us101-0805"}, "demand or a density"),
         ({"demand": "nosuch"}, "`demand` nosuch"),
         ({"duration": -3.0}, "`duration`"),
         ({"seed": 1.5}, "`seed`: give a whole number, not 1.5"),
+        ({"seed": -1}, "`seed`"),
         ({"particles": 0}, "`particles`"),
         ({"net": "nosuch"}, "`net` nosuch"),
         ({"net": 3}, "`net`: give a text or a path, not 3"),
         ({"net": Path("nosuch.sumocfg")}, "`net` nosuch.sumocfg"),
         ({"sensor": "sonar"}, "`sensor`.*sonar"),
+        ({"tracker": "nosuch"}, "`tracker` nosuch"),
         ({"tracker": 3}, "`tracker`: give a text or a function, not 3"),
         ({"tracker": "no_such_module:make"}, "no_such_module"),
         ({"model": "nosuch"}, "`model`.*nosuch"),
@@ -54,8 +58,10 @@ def run(tmp_path_factory) -> harness.Run:
         ({"ego": "auto"}, "`ego`"),
         ({"config": "nosuch.toml"}, "`config`: can't read nosuch.toml"),
         ({"settings": {"sensor.rnge_m": 80}}, "sensor.rnge_m"),
+        ({"settings": {"sensor.range_m": object()}}, "`settings`: sensor.range_m"),
         ({"settings": ["nonsense"]}, "`settings`: 'nonsense'"),
         ({"settings": 5}, "`settings`: give a list or a dictionary"),
+        ({"settings": {"tracker.options.gate": 3}}, "gate"),
         ({"out": 7}, "`out`: give a path or a text"),
         ({"out": "/dev/null/run"}, "`out`"),
         ({"out": "."}, "`out`"),
@@ -76,13 +82,21 @@ def test_wrong_input_to_a_run_is_one_sentence_and_leaves_nothing(options, words,
     [
         ({"densitys": 20}, "did you mean `densities`"),
         ({"densities": [20, "many"]}, "`densities`.*'many'"),
+        ({"densities": [3]}, "`densities`"),
+        ({"densities": "5:65"}, "`densities`"),
+        ({"seeds": []}, "`seeds`"),
         ({"seeds": [1, 3]}, "`seeds`: give seeds that follow each other"),
+        ({"seeds": 0}, "`seeds`"),
+        ({"seeds": 1.5}, "`seeds`: give"),
+        ({"trackers": []}, "`trackers`"),
         ({"trackers": [lambda setting, options: None]}, "`trackers`: worker processes"),
         ({"models": ["gmm", "gmm"]}, "`models`"),
+        ({"vary": {"sensor.range_m": "far"}}, "`vary`"),
         ({"workers": 0}, "`workers` 0 is out of range: give 1 or more"),
         ({"workers": 2, "scheduler": "tcp://nowhere:1"}, "`workers`"),
         ({"replay": "nosuch.csv"}, "nosuch.csv"),
         ({"timeout_per_run": 0.0}, "`timeout_per_run`"),
+        ({"net": "nosuch"}, "`net` nosuch"),
     ],
 )
 def test_wrong_input_to_a_stress_test_is_one_sentence(options, words, tmp_path, monkeypatch):
@@ -163,6 +177,13 @@ def test_a_folder_is_opened_again(run):
     pd.testing.assert_frame_equal(opened.metrics, run.metrics)
 
 
+def test_the_manifest_tells_the_call(run):
+    manifest = json.loads((run.folder / "manifest.json").read_text())
+    assert manifest["command"].startswith(
+        "harness.run(net='us101', density=20, seed=3, duration=1.0, tracker=echo_tracker"
+    )
+
+
 def test_a_tracker_handed_over_is_one_named_by_its_place(run, tmp_path):
     named = harness.run(
         net="us101",
@@ -219,3 +240,8 @@ def test_notebooks_show_a_run_and_a_comparison_as_tables_with_names_escaped(tmp_
     compared = harness.compare(folder, folder)
     assert compared.outcome in compared._repr_html_()
     assert "<table" in compared._repr_html_()
+
+
+def test_the_public_names_are_listed_where_an_interpreter_completes_them():
+    for module in (harness, mmpf, harness.plugins):
+        assert set(module.__all__) <= set(dir(module))

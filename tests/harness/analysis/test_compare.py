@@ -11,13 +11,18 @@ import pandas as pd
 import pytest
 
 from harness.analysis.compare import Judgement, compare
+from harness.analysis.single import compare_runs
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import NO_WORSE, UNTESTED, WORSE, Rules, compared_quantities
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
 from harness.commands.app import run_command_line
 from harness.common import exit_codes
+from harness.common.errors import InputError
 from harness.grid.grid import GridRequest
+from harness.running.resolve import resolve_run_config
+from harness.running.run import run
 from harness.storage.tables import write_table
 from tests.harness.grid.executors import InProcess
+from tests.harness.stand_ins import SteadyTraffic, observing
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -71,6 +76,19 @@ def test_other_metrics_get_a_verdict_where_they_are_named(tmp_path, capsys):
     assert run_command_line(["compare", a, b, "--quiet", "--primary", "mae.hidden.lon_m"]) == exit_codes.WORSE
     assert run_command_line(["compare", a, b, "--primary", "mae.hidden.lon"]) == exit_codes.WRONG_INPUT
     assert "--primary mae.hidden.lon: no such metric" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seeds", [3, 5])
+def test_a_catastrophe_is_worse_with_few_seeds_and_never_no_difference(seeds, tmp_path, capsys):
+    """As in a trial: HOTA from 98 to 65, same identity from 100 to 0 %."""
+    kept = {"mot__hota": wobbling(98.0), "hidden__hidden_cost_m": wobbling(2.0)}
+    lost = {"mot__hota": wobbling(65.0, 1), "hidden__hidden_cost_m": wobbling(5.0, 1)}
+    a = grid_folder(tmp_path / "a", range(seeds), occlusion__same_id_percent=wobbling(98.0), **kept)
+    b = grid_folder(tmp_path / "b", range(seeds), occlusion__same_id_percent=wobbling(2.0), **lost)
+    assert run_command_line(["compare", a, b]) == exit_codes.WORSE
+    told = capsys.readouterr().err
+    assert "Worse: b is worse in HOTA" in told
+    assert "no difference" not in told
 
 
 def test_want_of_data_is_undecided_with_a_code_of_its_own_and_says_what_would_decide_it(tmp_path, capsys):
@@ -221,6 +239,37 @@ def test_a_wrong_call_is_answered_with_one_line(tmp_path, capsys):
     for arguments in ([a], [], [a, "missing"], [a, a, a], ["--suite", "nonsense", "--baseline", a]):
         assert run_command_line(["compare", *arguments]) == 2
         assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+@pytest.fixture
+def echo_run(tmp_path) -> str:
+    config = resolve_run_config(options={"tracker": ECHO})
+    return str(run(config, out=tmp_path / "run", open_snapshots=observing(SteadyTraffic(steps=12))).folder)
+
+
+def test_a_single_run_against_itself_differs_in_nothing(echo_run):
+    verdicts = compared(echo_run, echo_run).verdicts
+    assert {verdict.difference for verdict in verdicts if verdict.pairs} == {0.0}
+    assert {verdict.verdict for verdict in verdicts if verdict.primary and verdict.pairs} == {NO_WORSE}
+    a, b = (open_source(echo_run, "compare") for _ in range(2))
+    every, _ = compare_runs(a, b, Rules(primary=tuple(quantity.key for quantity in compared_quantities())))
+    assert all(each.same for each in every if each.pairs)
+
+
+def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_run, tmp_path):
+    poorer = Path(shutil.copytree(echo_run, tmp_path / "poorer"))
+    metrics = json.loads((poorer / "metrics.json").read_text())
+    metrics["mot"]["hota"] = None
+    (poorer / "metrics.json").write_text(json.dumps(metrics))
+    with pytest.raises(InputError, match=r"metrics\.json was changed after it was written"):
+        compared(echo_run, str(poorer))
+    manifest = json.loads((poorer / "manifest.json").read_text())
+    (poorer / "manifest.json").write_text(json.dumps(manifest | {"files_sha256": {}}))
+    verdict = next(one for one in compared(echo_run, str(poorer)).verdicts if one.metric == "mot.hota")
+    assert (verdict.verdict, verdict.pairs, verdict.regression) == (UNDECIDED, 0, False)
+    assert verdict.a > 0.0
+    assert np.isnan(verdict.b)
+    assert verdict.wanting == "b has no value of it"
 
 
 @pytest.fixture

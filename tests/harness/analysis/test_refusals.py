@@ -125,6 +125,20 @@ def refused(a: Source, b: Source, rules: Rules | None = None) -> str:
     return str(caught.value)
 
 
+def test_what_b_lacks_of_runs_and_trackers_is_wanting():
+    both = ("mmpf cvm", "jpda", "pmbm")
+    a = source("a", rows(both, range(8)))
+    found = compare(a, source("b", rows(("mmpf cvm",), range(3)), failed=3))
+    assert found.wanting == (
+        "3 runs of b failed; make them again by --resume --retry-failed.",
+        "b has no finished run of jpda, pmbm; choose one tracker by FOLDER@LABEL if that is meant.",
+        "mmpf cvm: b lacks 5 of the 8 runs of a (us101, density 20: seeds 3 to 7).",
+    )
+    one = compare(source("a", rows(("x",))), source("b", rows(("y",))))
+    assert one.wanting == ()
+    assert {each.label for each in one.verdicts} == {"x to y"}
+
+
 def test_comparisons_that_make_no_sense_are_refused_with_the_reason():
     drives, varied = source("b", rows(**{COLLIDED: 0.0})), source("b", axes=("sensor.range_m",))
     failed = source("b", rows(seeds=()).reindex(columns=list(rows())))

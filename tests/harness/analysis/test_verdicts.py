@@ -12,6 +12,7 @@ from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,
     PRIMARY,
+    UNDECIDED,
     UNTESTED,
     WORSE,
     Rules,
@@ -55,6 +56,15 @@ def test_corrected_p_values_keep_their_order_and_never_shrink(values):
 
 
 WOBBLE = np.array([-0.2, 0.1, 0.3, -0.1, 0.2, -0.3, 0.15, -0.15])
+
+
+def test_differences_that_are_all_equal_pass_for_certain_only_where_there_are_many():
+    """A score of 100 % in every run does not show that it stays so; the other metric shows that runs differ."""
+    full = np.full(8, 100.0)
+    for seeds, word in ((3, UNDECIDED), (8, NO_WORSE)):
+        wobble = np.full(seeds, 10.0) + WOBBLE[:seeds]
+        score, _ = judged(arms(SCORE, full[:seeds], full[:seeds]), arms(ERROR, wobble, wobble[::-1].copy()))
+        assert score.verdict == word
 
 
 def test_a_score_that_falls_from_all_to_nothing_in_each_of_three_runs_is_worse():

@@ -28,6 +28,21 @@ def test_the_bounds_of_rates_are_those_of_the_poisson_distribution(events):
     assert stats.poisson.cdf(events, high) == pytest.approx(0.025, rel=1e-6)
 
 
+def test_no_collision_in_four_episodes_is_no_certainty():
+    """Of four independent episodes the exact bound is 60 %; two of a seed are a little alike."""
+    found = possible_ci(np.zeros(2), np.full(2, 2.0), SHARE)
+    assert found.low == 0.0
+    assert 60.2 < found.high < 63.0
+    other = possible_ci(np.full(2, 200.0), np.full(2, 2.0), SHARE)
+    assert (other.low, other.high) == pytest.approx((100.0 - found.high, 100.0))
+
+
+def test_no_braking_in_half_a_kilometre_is_no_certainty_either():
+    found = possible_ci(np.zeros(3), np.full(3, 0.15), RATE)
+    assert found.low == 0.0
+    assert found.high == pytest.approx(2.0 * stats.chi2.ppf(0.975, 2) / 2.0 / 0.45)
+
+
 @given(
     st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=2, max_size=8),
     st.sampled_from([SHARE, RATE, ERROR]),

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+
 import pandas as pd
 import pytest
 
 from harness.analysis.coasting_ratio import with_ratios
 from harness.common.errors import InputError
-from harness.grid.cells import assemble
+from harness.config.model import RunConfig
+from harness.grid.cells import assemble, command_of
 from harness.grid.grid import GridRequest, plan_grid
+from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
 from harness.storage.grid_folder import check_same_grid, open_grid_folder
 from harness.storage.grid_rows import flattened, read_rows, write_row
@@ -87,8 +91,38 @@ def test_a_folder_is_taken_once_and_left_as_a_grids(tmp_path):
     with open_grid_folder(out, True) as rows:
         assert [path.name for path in rows.iterdir()] == ["c.json"]
     assert not list(out.glob("*.partial")) + list(out.glob(".b*"))
-    with pytest.raises(InputError, match=r"^`out`: .* exists; add `resume`"), open_grid_folder(out, False):
+    with pytest.raises(InputError) as caught, open_grid_folder(out, False):
         pass
+    assert str(caught.value) == f"`out`: {out} exists; add `resume` to go on with it, or choose another folder"
+
+
+def refused(out, kind=ownership.STRESS) -> str:
+    with pytest.raises(InputError) as caught, open_grid_folder(out, True, kind):
+        pass
+    return str(caught.value)
+
+
+def test_what_is_no_grids_folder_is_told_with_why(tmp_path):
+    file, grid, other = tmp_path / "file", tmp_path / "grid", tmp_path / "other"
+    file.touch()
+    assert refused(file) == f"`out`: {file} is a file; choose another folder"
+    other.mkdir()
+    (other / "thesis.tex").touch()
+    word = ownership.plain(ownership.STRESS)
+    assert refused(other) == f"`out`: {other} is not a {word}'s folder; choose another folder"
+    with open_grid_folder(grid, False):
+        pass
+    assert refused(grid, ownership.RUN) == (
+        f"`out`: {grid} is not a {ownership.plain(ownership.RUN)}'s folder; choose another folder"
+    )
+    (grid / "runs" / "folder").mkdir()
+    assert refused(grid) == f"`out`: {grid / 'runs' / 'folder'} is no file of a {word}; move it away"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is refused to root")
+def test_a_folder_that_may_not_be_written_is_told(tmp_path):
+    tmp_path.chmod(0o500)
+    assert f"`out`: can't write {tmp_path / 'out'}: " in refused(tmp_path / "out")
 
 
 def test_a_grid_must_cover_what_its_folder_holds(tmp_path):
@@ -97,14 +131,37 @@ def test_a_grid_must_cover_what_its_folder_holds(tmp_path):
     for key in "abc":
         (rows / f"{key}.json").touch()
     check_same_grid(tmp_path, rows, set("abcd"))
-    with pytest.raises(InputError, match=r"^`out`: .* holds 2 runs of another grid"):
+    with pytest.raises(InputError) as caught:
         check_same_grid(tmp_path, rows, set("a"))
+    assert str(caught.value) == (
+        f"`out`: {tmp_path} holds 2 runs of another grid, which this one would leave out; choose another folder or the "
+        f"options that {tmp_path / 'grid.json'} tells"
+    )
     table = tmp_path / "runs.parquet"
     pd.DataFrame({"x": range(3)}).to_parquet(table)
     check_same_grid(tmp_path, rows, set("abcd"))
     pd.DataFrame({"x": range(4)}).to_parquet(table)
     check_same_grid(tmp_path, rows, set("abc"))
-    with pytest.raises(InputError, match=rf"^`out`: runs in {table} have no files"):
+    with pytest.raises(InputError) as caught:
         check_same_grid(tmp_path, rows, set("abcd"))
+    assert str(caught.value) == f"`out`: runs in {table} have no files in {rows} any more; choose another folder"
     table.write_text("broken")
     check_same_grid(tmp_path, rows, set("abcd"))
+
+
+def test_the_command_of_a_run_says_what_is_not_a_default_and_always_its_traffic_and_seed():
+    replayed = {"tracker": {"name": "mmpf", "model": "cvm", "particles": 7}, "replay": "x/y.csv"}
+    content = {
+        "seed": 3,
+        "traffic": {"net": "a b", "density": 20.0, "duration_s": 9.5},
+        "sensor": {"profile": "radar", "overrides": {"range_m": 40, "name_of": "some_word", "odd": "a-b", "no": "nan"}},
+        "tracker": {"name": "pmbm", "options": {"x": {"y": [1, 2]}, "truth": True, "word": "true"}},
+    }
+    assert [command_of(with_usual_traffic(RunConfig.model_validate(each))) for each in ({}, replayed, content)] == [
+        "python -m harness run --seed 0 --demand us101-0805",
+        "python -m harness run --seed 0 --replay x/y.csv --demand us101-0805 --model cvm --particles 7",
+        "python -m harness run --seed 3 --net 'a b' --density 20.0 --duration 9.5 --sensor radar --set "
+        "sensor.overrides.range_m=40 --set sensor.overrides.name_of=some_word --set "
+        "'sensor.overrides.odd=\"a-b\"' --set 'sensor.overrides.no=\"nan\"' --tracker pmbm --set "
+        "'tracker.options.x.y=[1, 2]' --set tracker.options.truth=true --set 'tracker.options.word=\"true\"'",
+    ]

@@ -18,6 +18,7 @@ from harness.analysis.curves import labelled
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.grid import stress
+from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.making import Telling
 from harness.grid.stress import FinishedGrid, run_stress
@@ -67,24 +68,47 @@ def telling(said: list) -> Telling:
 
 
 def test_the_summary_tells_the_grid_its_failures_and_its_curves(tmp_path, drawn):
-    bad, out = plan_grid(REQUEST).runs[3], tmp_path / "out"
-    finished = run_stress(REQUEST, out, MadeUp(bad.key), command="harness stress --seeds 2")
-    told = json.loads((out / "summary.json").read_text())
+    bad = plan_grid(REQUEST).runs[3]
+    finished = run_stress(REQUEST, tmp_path / "out", MadeUp(bad.key), command="harness stress --seeds 2")
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert told == finished.summary
-    assert (told["grid"], told["runs"], told["failed"]) == (json.loads(json.dumps(REQUEST.as_table())), 8, 1)
+    assert list(told) == ["grid", "runs", "failed", "failures", "breaks", "curves"]
+    assert told["grid"] == json.loads(json.dumps(REQUEST.as_table()))
     words = "net us101, density 20.0, variant detections, seed 1"
+    assert (told["runs"], told["failed"]) == (8, 1)
     assert told["failures"] == [{"key": bad.key, "run": words, "error": "it broke"}]
+    assert finished.failures == [f"{words}: it broke"]
+    assert told["breaks"][0] == {
+        "label": "mmpf cvm", "density": None, "ci95": None, "held_to": 40.0, "at_lowest": False,
+    }  # fmt: skip
     (hota,) = (each for each in told["curves"] if (each["label"], each["value"], each["metric"])
                == ("detections", 40.0, "mot.hota"))  # fmt: skip
     assert (hota["axis"], hota["mean"], hota["seeds"], hota["n"]) == ("density", 80.0, 2, 2)
     # Two equal values are no certainty: as 1.6 of two, exactly.
     assert hota["ci95"] == pytest.approx([100.0 * beta.ppf(0.025, 1.6, 1.4), 100.0 * beta.ppf(0.975, 2.6, 0.4)])
-    assert f"{words}: it broke" in (out / "table.md").read_text()
-    assert [path for *_, path in drawn] == [out / "figures" / "over_density.png"]
-    manifest = json.loads((out / "manifest.json").read_text())
-    assert [manifest[key] for key in ("status", "command", "steps")] == ["complete", "harness stress --seeds 2", 8]
-    assert ownership.kind_of(out) == ownership.STRESS
-    assert table_of(out)["error"].dropna().to_dict() == {3: "it broke"}
+    text = (tmp_path / "out" / "table.md").read_text()
+    assert text.startswith("# Stress test on us101\n\n")
+    assert text.endswith(f"\n## Runs that failed\n\n- {words}: it broke\n")
+    assert (finished.folder, finished.title) == (tmp_path / "out", "Stress test on us101")
+    assert [(of[1:], title, path) for of, title, path in drawn] == [
+        (("density",), "Stress test on us101", tmp_path / "out" / "figures" / "over_density.png")
+    ]
+    assert [point.metric for point in drawn[0][0][0]] == [point.metric for point in finished.points]
+    assert (tmp_path / "out" / "summary.json").read_text().startswith('{\n  "grid": {\n    "net": "us101",\n')
+    assert (tmp_path / "out" / "grid.json").read_text() == json.dumps(REQUEST.as_table(), indent=2) + "\n"
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert [manifest[key] for key in ("status", "command", "seed", "steps")] == [
+        "complete", "harness stress --seeds 2", 0, 8,
+    ]  # fmt: skip
+    assert ownership.kind_of(tmp_path / "out") == ownership.STRESS
+    runs = pd.read_parquet(tmp_path / "out" / "runs.parquet")
+    assert list(runs) == [
+        "net", "density", "demand", "tracker", "variant", "model", "update", "seed", "succeeded", "error", "total_s",
+        "mot.hota", "occlusion.events", "occlusion.same_id",
+    ]  # fmt: skip
+    assert runs["total_s"].tolist() == [2.5] * 3 + [1.5] + [2.5] * 4
+    assert runs["error"].dropna().to_dict() == {3: "it broke"}
+    assert runs["density"].dtype == runs["mot.hota"].dtype == "float64"
 
 
 def stopped(out, after: int) -> None:
@@ -92,6 +116,22 @@ def stopped(out, after: int) -> None:
         Exception, match=f"^interrupted after {after} of 8 runs; continue with the same command and `resume`$"
     ):
         run_stress(REQUEST, out, MadeUp(stop_after=after))
+
+
+def test_what_an_interrupted_grid_lacks_is_made_and_nothing_else(tmp_path):
+    out = tmp_path / "out"
+    stopped(out, 3)
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert (manifest["status"], manifest["steps"]) == ("interrupted", 0)
+    for name in ("runs.parquet", "summary.json", "table.md"):
+        (out / name).write_text("old")
+    execute = MadeUp(stop_after=2)
+    with pytest.raises(Exception, match=r"^interrupted after 5 of 8 runs"):
+        run_stress(REQUEST, out, execute, resume=True)
+    assert sum(len(cell.runs) for cell in execute.cells) == 5
+    assert all(isinstance(cell, Cell) and cell.keep_in is None for cell in execute.cells)
+    assert json.loads((out / "manifest.json").read_text())["steps"] == 3
+    assert not any((out / name).exists() for name in ("runs.parquet", "summary.json", "table.md"))
 
 
 @pytest.mark.parametrize(("retry", "again"), [(False, 0), (True, 1)])
@@ -224,7 +264,7 @@ GRID_WRITES = 15
 """How many files a grid of eight runs writes: ledger, manifest, request, rows, tables, manifest again."""
 
 
-@pytest.mark.parametrize("write", range(2, GRID_WRITES + 1, 3))
+@pytest.mark.parametrize("write", range(2, GRID_WRITES + 1))
 def test_a_grid_whose_disk_fills_ends_in_one_line_and_is_taken_up_as_if_it_had_not(write, whole, tmp_path):
     with (
         disk_full_from(write) as written,

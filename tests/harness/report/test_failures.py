@@ -16,14 +16,18 @@ from harness.decisions.decide import driver_of
 from harness.report.failures import (
     braking_sentence,
     occlusion_sentence,
+    withheld_sentence,
     withheld_vehicles,
     withheld_words,
     worst_brakings,
     worst_events,
     worst_failures,
 )
+from harness.report.html_tables import mot_table
 from harness.report.page import write_run_page
 from harness.report.replay_data import replay_data
+from harness.report.summary import print_summary
+from harness.report.summary_text import decision_summary, summary_sentences
 from harness.running.finished import read_recorded_run
 from harness.scoring.driving.asked import DriverSetup
 from harness.storage import run_folder as runfolder
@@ -116,6 +120,22 @@ def test_a_withheld_vehicle_comes_before_every_occlusion_and_each_is_replayed(ru
     assert far.sentence.startswith("far, hidden for 2.0 s: its track 2 was deleted")
 
 
+@pytest.mark.parametrize(
+    ("length_m", "kind", "begins", "ends"),
+    [
+        (4.5, "never reported", "A car in", "It is near, and never had a track."),
+        (2.2, "dropped", "A two-wheeler in", "It is near, and had a track before that."),
+        (12.0, "never reported", "A lorry in", "It is near, and never had a track."),
+        (np.nan, "never reported", "A car in", "It is near, and never had a track."),
+    ],
+)
+def test_a_withheld_vehicle_is_told_in_a_plain_sentence(length_m, kind, begins, ends):
+    told = withheld_sentence(ENTRY | {"kind": kind}, length_m)
+    assert told.startswith(begins)
+    assert told.endswith(ends)
+    assert "plain view at 15 m had no track for 4.1 s; it was detected in 36 % of scans." in told
+
+
 def with_vehicles(run, *entries):
     return replace(run, metrics=run.metrics | {"in_plain_view": run.metrics["in_plain_view"] | {"vehicles": entries}})
 
@@ -130,6 +150,31 @@ def test_an_old_run_and_a_vehicle_that_is_not_shown_give_no_withheld_vehicle(run
 def test_at_most_four_withheld_vehicles_are_shown_the_worst_first(run):
     found = withheld_vehicles(with_vehicles(run, *(ENTRY | {"without_track_s": 9.0 - k} for k in range(6))))
     assert [re.findall(r"for (\d\.\d) s", each.sentence) for each in found] == [["9.0"], ["8.0"], ["7.0"], ["6.0"]]
+
+
+def test_the_page_says_how_many_are_withheld_and_tells_the_first(run):
+    text = write_run_page(run.folder).read_text(encoding="utf-8")
+    assert "come first (1 never got a track)." in text
+    first = text.index("A car in plain view at 15 m had no track for 4.1 s; it was detected in 36 % of scans.")
+    assert first < text.index("far, hidden for")
+
+
+def test_the_screen_the_page_and_the_summary_tell_recall_and_an_old_run_has_none(run, capsys):
+    scores = run.metrics["in_plain_view"] | {"recall": 97.25, "worst_tenth": 12.0, "never_reported": 1, "dropped": 2}
+    known = run.metrics | {"in_plain_view": scores}
+    old = {key: value for key, value in run.metrics.items() if key != "in_plain_view"}
+    sentence = (
+        "had a track 97.2 % of the time (12 % for the worst tenth of them). 1 vehicle never got a track, and 2 vehicles"
+    )
+    assert sentence in " ".join(summary_sentences(known))
+    assert "97.2" in str(mot_table(known))
+    print_summary(known, run.folder)
+    screen = " ".join(capsys.readouterr().err.split())
+    assert "In plain view with a track: 97.2 %, worst tenth of vehicles 12.0 %; never reported 1, dropped 2" in screen
+    assert "In plain view" not in " ".join(summary_sentences(old))
+    assert "worst tenth %" in str(mot_table(old))
+    print_summary(old, run.folder)
+    assert "In plain view" not in capsys.readouterr().err
 
 
 def test_the_worst_brakings_differ_most_for_longest(driven):
@@ -147,10 +192,14 @@ def test_the_worst_brakings_differ_most_for_longest(driven):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({}, "-4.0 m/s² by the truth and 0.5 m/s² by the tracks, for 1.0 s; its track was deleted."),
+        ({}, "Missed braking for far, unseen for 1.5 s: -4.0 m/s² by the truth and 0.5 m/s² by the tracks, for 1.0 s;"
+             " its track was deleted."),
         ({"fate": "none", "unseen_s": np.nan}, "never detected"),
+        ({"fate": "displaced", "track_id": 4, "unseen_s": 0.0, "visibility": "partial"}, "far, partly hidden: "),
+        ({"fate": "displaced", "track_id": 4}, "track 4 follows it, but has another position or speed."),
         ({"fate": "hijacked", "track_id": 4}, "its track 4 is on another vehicle."),
         ({"kind": "phantom", "fate": "ghost", "track_id": 4, "vehicle_id": ""}, "track 4 follows no vehicle."),
+        ({"kind": "phantom", "fate": "hijacked", "track_id": 4}, "track 4 went over from another vehicle to far"),
     ],
 )  # fmt: skip
 def test_a_sentence_tells_who_was_to_blame_for_a_braking_and_why(change, words):
@@ -164,6 +213,7 @@ def test_the_page_leads_from_a_decision_to_the_replay(driven):
     section = page[page.index('<section id="decisions"') :]
     buttons = re.findall(r'data-vehicle="(\w+)" data-time="([\d.]+)" data-until="([\d.]+)"', section)
     assert buttons == [("far", "2.0", "4.4"), ("ego", "2.0", "4.4")]
+    assert "once from the truth and once from the tracks" in section
 
 
 def test_the_replay_plots_what_the_driver_demands(driven):
@@ -181,3 +231,13 @@ def test_a_broken_table_of_brakings_is_refused_in_one_line(driven, change):
     rewrite(driven, runfolder.BRAKINGS, pd.DataFrame([BRAKING | change]))
     with pytest.raises(InputError, match=r"brakings\.parquet"):
         write_run_page(driven)
+
+
+def test_the_summary_is_told_without_what_was_not_measured(driven):
+    metrics = json.loads((driven / runfolder.METRICS).read_text())
+    metrics["decisions"] |= {"missed": 1, "phantom": 0, "lateness_s": 0.4, "onsets": 3}
+    assert "missed 1 braking, and had no phantom brakings" in decision_summary(metrics)
+    assert "In 3 cases in which it had to brake, it would have begun 0.4 s late" in decision_summary(metrics)
+    metrics["decisions"] |= {"lateness_s": None, "onsets": 0}
+    assert "late" not in decision_summary(metrics)
+    assert not decision_summary({"run": {}})
