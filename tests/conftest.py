@@ -14,5 +14,5 @@ def read_here():
 def no_pictures():
     """Leave a run's pictures out, which take longer than a short run does."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.report.figures.draw_figures", lambda folder, pictured: folder.mkdir())
+        patch.setattr("harness.report.pictures.draw_figures", lambda folder, pictured: folder.mkdir())
         yield
