@@ -6,10 +6,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from mmpf.joint.evidence import GatedLikelihoods, association_evidence
 from mmpf.numerics.arrays import FloatArray
 from mmpf.visibility.missed_runs import LASTS_ON, run_after_scan, run_expected
 
@@ -63,3 +64,14 @@ def test_a_detection_that_may_be_somebody_elses_is_weighed_with_the_two_ways_to_
     missed_in_run, missed_outside = run, (1.0 - run) * (1.0 - detected)
     found = run_after_scan(np.array([run]), np.array([missed_in_run + missed_outside]), np.array([claimed]))
     assert found == pytest.approx([missed_in_run / (missed_in_run + missed_outside + claimed)])
+
+
+@given(st.integers(0, 10_000))
+@settings(deadline=None)
+def test_to_be_seen_and_not_to_be_seen_are_all_there_is(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    starts = np.array([0, 3, 20])
+    weight = np.concatenate([rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(17))])
+    anywhere = GatedLikelihoods(np.array([0, 1]), np.array([0, 0]), np.ones(20), starts)
+    seen, not_seen = association_evidence(weight, starts, rng.uniform(0.0, 1.0, 20), anywhere, 1)
+    assert seen[:, 0] + not_seen == pytest.approx([1.0, 1.0])

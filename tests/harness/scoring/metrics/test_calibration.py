@@ -2,8 +2,26 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import chi2, norm
 
 from harness.scoring.metrics.calibration import calibration
+
+
+def test_honest_deviations_give_a_nees_of_one_and_cover_95_percent():
+    rng = np.random.default_rng(0)
+    std = rng.uniform(0.2, 3.0, (40_000, 3))
+    result = calibration(rng.normal(0.0, std), std)
+    assert result["nees"] == pytest.approx(1.0, abs=0.02)
+    assert result["nees_median"] == pytest.approx(chi2(3).median() / 3, abs=0.02)
+    for share in (result["coverage95"]["lon"], result["coverage95"]["lat"], result["coverage95"]["speed"]):
+        assert share == pytest.approx(95.0, abs=0.4)
+
+
+def test_deviations_of_half_the_error_give_a_nees_of_four():
+    rng = np.random.default_rng(1)
+    result = calibration(rng.normal(0.0, 2.0, (40_000, 3)), np.ones((40_000, 3)))
+    assert result["nees"] == pytest.approx(4.0, abs=0.1)
+    assert result["coverage95"]["lat"] == pytest.approx(100 * (1 - 2 * norm.sf(1.96 / 2)), abs=1.0)
 
 
 def test_a_quantity_without_a_deviation_is_left_out_of_nees_and_coverage():
