@@ -98,8 +98,10 @@ def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str)
     """Refuse a folder whose results are not those that its run or grid wrote; one that noted no hashes says nothing.
 
     Raises:
-        InputError: A file was edited.
+        InputError: A file was edited, or the manifest can't be read.
     """
+    if not manifest and (folder / "manifest.json").exists():
+        raise InputError(f"`{parameter}`: {folder / 'manifest.json'} is broken; make the results again")
     noted = manifest.get(FILES)
     told = {folder / Path(str(name)).name: digest for name, digest in noted.items()} if isinstance(noted, dict) else {}
     files = [path for path in told if path.is_file()]
