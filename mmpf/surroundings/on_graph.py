@@ -42,7 +42,8 @@ class LanePlaces:
         width_m: Width.
         order: Vehicles in the order of lanes and arc lengths.
         first: Where each lane's begin in that order, and the end of the last, shape (l + 1,).
-        next_gap_m: From each lane's beginning to the middle of the first vehicle on it or on lanes that follow, (l,).
+        next_gap_m: From each lane's beginning to the middle of the first vehicle that is in the way there, on the lane
+            or on those that follow, (l,).
         next_vehicle: That vehicle, ``NOBODY`` if there is none within 120 m, (l,).
     """
 
@@ -147,8 +148,11 @@ def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: fl
     along, left, _ = graph.on_lane(lane, x, y)
     order = np.lexsort((along, lane))
     order = order[lane[order] != NOWHERE]
-    first = np.searchsorted(lane[order], np.arange(len(graph) + 1))
-    gap, vehicle = _first_ahead(order, first, along, graph.length_m, graph.successor, graph.first_successor)
+    lanes, width = np.arange(len(graph) + 1), np.append(components.width_m, ego.width_m)
+    # What stands beside a lane is not in the way of those who drive in its middle.
+    ahead = order[np.abs(left[order]) < IN_THE_WAY * width[order]]
+    from_lane = np.searchsorted(lane[ahead], lanes)
+    gap, vehicle = _first_ahead(ahead, from_lane, along, graph.length_m, graph.successor, graph.first_successor)
     return LanePlaces(
         lane=lane,
         along_m=along,
@@ -156,9 +160,9 @@ def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: fl
         speed_mps=np.append(mean[SPEED], ego.speed_mps),
         accel_mps2=np.append(mean[ACCEL], ego_accel_mps2),
         length_m=np.append(components.length_m, ego.length_m),
-        width_m=np.append(components.width_m, ego.width_m),
+        width_m=width,
         order=order,
-        first=first,
+        first=np.searchsorted(lane[order], lanes),
         next_gap_m=gap,
         next_vehicle=vehicle,
     )

@@ -34,14 +34,18 @@ EGO = ("back", 99.0)
 
 
 def around(
-    vehicles: list[tuple[str, float, float, str | None]], gate: float = 0.0, chance: float = 1.0
+    vehicles: list[tuple[str, float, float, str | None]],
+    gate: float = 0.0,
+    chance: float = 1.0,
+    last_left_m: float = 0.0,
 ) -> Surroundings:
-    """Surroundings of vehicles (lane, arc length, speed, next lane), each of one particle."""
+    """Surroundings of vehicles (lane, arc length, speed, next lane), each of one particle; the last to the left."""
     graph = street()
     lane = np.array([graph.name.index(name) for name, *_ in vehicles])
     following = [NOWHERE if to is None else graph.name.index(to) for *_, to in vehicles]
     state = np.zeros((6, len(vehicles)))
-    state[LON], state[LAT], heading = graph.place(lane, np.array([v[1] for v in vehicles]), np.zeros(len(lane)))
+    left = np.append(np.zeros(len(lane) - 1), last_left_m)
+    state[LON], state[LAT], heading = graph.place(lane, np.array([v[1] for v in vehicles]), left)
     state[SPEED] = [v[2] for v in vehicles]
     zeros = np.zeros(len(vehicles))
     cloud = ParticleCloud(
@@ -71,6 +75,14 @@ def test_the_leader_beyond_the_lanes_end_is_on_the_way_that_the_particle_means_t
     assert found.leader.gap_m[1] == pytest.approx(10.0 + 15.0 - LENGTH_M)
     alone = around([("right", 80, 10, "on"), ("on", 30, 5, None), ("off", 15, 4, None)])
     assert alone.leader.gap_m[0] == pytest.approx(20.0 + 30.0 - LENGTH_M)
+
+
+@pytest.mark.parametrize("left_m", [-3.6, 3.6])
+def test_who_stands_beside_a_lane_that_follows_leads_nobody(left_m: float) -> None:
+    vehicles = [("right", 80, 10, "on"), ("on", 30, 5, None), ("on", 10, 0, None)]
+    found = around(vehicles, last_left_m=left_m)
+    assert (found.leader.speed_mps[0], found.leader.gap_m[0]) == pytest.approx((5.0, 20.0 + 30.0 - LENGTH_M))
+    assert around(vehicles, last_left_m=0.5).leader.speed_mps[0] == 0.0, "half a metre off the middle it is in the way"
 
 
 def test_in_the_lane_beside_there_are_a_leader_and_a_follower() -> None:
