@@ -89,7 +89,8 @@ class Components:
     Attributes:
         track_id: Identity that is reported.
         existence: Probability that there is something that gives detections.
-        confirmed: Whether the component is reported as a track.
+        confirmed: Whether the component is a track.
+        improbable: Whether it is not reported for now even if it is one.
         hits: Scans in which a detection was attributed to it; ``unseen_s`` is the time since the last.
         age_s: Time since its birth.
         length_m: Estimated length of the vehicle, with its deviation, as of its width.
@@ -98,6 +99,7 @@ class Components:
     track_id: IntArray
     existence: FloatArray
     confirmed: BoolArray
+    improbable: BoolArray
     hits: IntArray
     age_s: FloatArray
     unseen_s: FloatArray
@@ -154,6 +156,7 @@ class Components:
             track_id=track_id,
             existence=existence,
             confirmed=np.zeros(len(track_id), dtype=np.bool_),
+            improbable=np.zeros(len(track_id), dtype=np.bool_),
             hits=zeros + 1,
             age_s=np.zeros(len(track_id)),
             unseen_s=np.zeros(len(track_id)),

@@ -35,17 +35,21 @@ def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -
     return np.asarray(~components.confirmed & known & (probable | in_path | moved_along(components, options)))
 
 
-def still_confirmed(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
-    """Return which reported components stay reported, shape (m,); arguments are those of ``to_confirm``."""
-    probable = components.vehicle_share >= options.kinds.withdraw_below
-    return np.asarray(components.confirmed & (probable | in_path | moved_along(components, options)))
+def still_confirmed(components: Sources, improbable: BoolArray, options: JointOptions) -> BoolArray:
+    """Return which confirmed components stay so, shape (m,): those that are not ``improbable`` or have moved."""
+    return np.asarray(components.confirmed & (~improbable | moved_along(components, options)))
+
+
+def is_improbable(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
+    """Return which components must not be reported, shape (m,); arguments are those of ``to_confirm``."""
+    return np.asarray(~in_path & (components.vehicle_share < options.kinds.withdraw_below))
 
 
 def moved_along(components: Sources, options: JointOptions) -> BoolArray:
-    """Return which components have moved and been detected for so long that they are always reported, shape (m,).
+    """Return which components have moved and been detected for so long that they stay confirmed, shape (m,).
 
     Few false objects move, and they end soon: a vehicle that came into view unnoticed must not wait until the odds of
-    its kind have grown. It is reported with its probability.
+    its kind have grown. It is reported with its probability unless it is improbable.
     """
     moved = components.stood_log < LOG_MOVED
     return np.asarray(moved & is_longer(components.detected_s, options.kinds.moved_s))

@@ -23,6 +23,7 @@ from mmpf.options.joint import JointFalseObjects
 from mmpf.scan import Detections
 
 PLACED = [LON, LAT, SPEED]
+FARTHEST_M = 20.0  # A vehicle that may be farther away is lost, as one whose own spread is wider is removed.
 
 
 def mistaken_after(
@@ -55,7 +56,7 @@ def mistaken_after(
     ratio = np.where(sources.unseen_s == 0.0, detected, 1.0 / (1.0 - by_vehicle))
     mistaken = sources.mistaken * ratio / (1.0 - sources.mistaken + sources.mistaken * ratio)
     away = sources.away_std.copy()
-    away[:, 0] += dt_s * away[:, 2]
+    away[:, 0] = np.minimum(away[:, 0] + dt_s * away[:, 2], FARTHEST_M)
     return replace(sources, mistaken=mistaken, away_std=away)
 
 

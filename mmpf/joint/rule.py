@@ -17,7 +17,7 @@ from mmpf.belief.moments import Moments, component_moments, effective_sizes
 from mmpf.belief.resampling import resample_smoothly
 from mmpf.belief.sizes import with_measured_sizes
 from mmpf.joint.association import Marginals, associate, mean_entropy
-from mmpf.joint.confirmation import lies_in_path, stands_on_another, still_confirmed, to_confirm
+from mmpf.joint.confirmation import is_improbable, lies_in_path, stands_on_another, still_confirmed, to_confirm
 from mmpf.joint.evidence import (
     association_evidence,
     clutter_densities,
@@ -214,9 +214,10 @@ class JointUpdate:
         if len(sources) == 0:
             return Finetuned(mixture, moments=moments)
         in_path = lies_in_path(sources, moments, situation.plane, joint.path)
-        confirmed_now, stays = (judge(sources, in_path, joint) for judge in (to_confirm, still_confirmed))
+        confirmed_now, improbable = (judge(sources, in_path, joint) for judge in (to_confirm, is_improbable))
+        stays = still_confirmed(sources, improbable, joint)
         withdrawn = sources.withdrawn | (sources.confirmed & ~stays)
-        sources = replace(sources, confirmed=stays, withdrawn=withdrawn)
+        sources = replace(sources, confirmed=stays, withdrawn=withdrawn, improbable=improbable)
         if confirmed_now.any():
             confirmed_now &= ~stands_on_another(sources, moments)
             confirmed, withdrawn = stays | confirmed_now, withdrawn & ~confirmed_now

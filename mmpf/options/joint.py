@@ -79,7 +79,7 @@ class JointKinds(Settings):
     weighed: bool = True
     """Whether the filter distinguishes vehicles from false objects; otherwise everything that exists is a vehicle."""
     moved_s: NotNegative = 1.0
-    """Detected time after which an object that has moved is reported with any probability of a vehicle."""
+    """Detected time after which an object that has moved is reported down to the probability ``withdraw_below``."""
     largest_log_odds: Positive = 6.0
     """Bound on the log odds between vehicle and false object."""
     score_correlation: Probability = 0.5
@@ -89,7 +89,7 @@ class JointKinds(Settings):
     confirm_above: Probability = 0.5
     """Vehicle probability above which a component is reported."""
     withdraw_below: Probability = 0.2
-    """Vehicle probability, given existence, below which a component is no longer reported."""
+    """Vehicle probability, given existence, below which a component outside the ego's path is not reported."""
 
 
 class JointVehicles(Settings):

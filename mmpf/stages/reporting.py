@@ -17,7 +17,7 @@ from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 
 def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOptions, sensor: SensorModel) -> Tracks:
-    """Return mean and spread of each component as a track, except hidden ones that are spread too widely.
+    """Return mean and spread of each component as a track, except improbable ones and hidden ones spread too widely.
 
     What drifts of the sensor's noise can't be told from the vehicle's place, nor its rate from the vehicle's speed:
     both are added to the spread. So is how far the vehicle is if the component follows another source.
@@ -31,6 +31,7 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
     components = mixture.components
     unseen = components.unseen_s > options.hidden_after_s
     reported = ~unseen | (moments.std_along_m <= options.reported_std_lon_m)
+    reported &= ~(components.confirmed & components.improbable)
     reported &= ~unseen | (components.vehicle >= options.reported_hidden_above)
     state = np.where(components.confirmed, np.where(unseen, HIDDEN, CONFIRMED), TENTATIVE)
     variance = moments.variance.copy()

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from mmpf.belief.moments import component_moments
-from mmpf.joint.confirmation import lies_in_path, still_confirmed, to_confirm
-from mmpf.joint.kinds import SHAPE, STANDING
+from mmpf.joint.confirmation import is_improbable, lies_in_path, still_confirmed, to_confirm
+from mmpf.joint.kinds import MOVING, SHAPE, STANDING, VEHICLE
+from mmpf.options.filter import ReportingOptions
 from mmpf.options.joint import JointOptions
+from mmpf.stages.reporting import reported_tracks
 from tests.mmpf.scenes import belief_of, ego_at, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
@@ -51,4 +53,18 @@ def test_what_is_probably_false_is_reported_in_the_path_or_when_it_has_moved_for
     tentative = belief_of([spot(30.0, LANE)], confirmed=[False], **columns).components
     confirmed = belief_of([spot(30.0, LANE)], confirmed=[True], **columns).components
     assert to_confirm(tentative, np.array([path]), OPTIONS)[0] == reported
-    assert still_confirmed(confirmed, np.array([path]), OPTIONS)[0] == reported
+    improbable = is_improbable(confirmed, np.array([path]), OPTIONS)
+    assert still_confirmed(confirmed, improbable, OPTIONS)[0] == reported
+
+
+@pytest.mark.parametrize(("vehicle", "path", "shown"), [(0.1, False, False), (0.1, True, True), (0.3, False, True)])
+def test_what_has_moved_but_is_probably_false_stays_a_track_and_is_shown_only_in_the_path(vehicle, path, shown) -> None:
+    kinds = np.zeros((1, *SHAPE))
+    kinds[:, [VEHICLE, MOVING], 0, 2] = vehicle, 1.0 - vehicle
+    columns = {"existence": [0.95], "detected_s": [3.0], "kinds": kinds, "stood_log": [-20.0]}
+    known = belief_of([spot(30.0, LANE)], confirmed=[True], **columns)
+    improbable = is_improbable(known.components, np.array([path]), OPTIONS)
+    assert still_confirmed(known.components, improbable, OPTIONS)[0]
+    mixture = belief_of([spot(30.0, LANE)], confirmed=[True], improbable=improbable)
+    tracks = reported_tracks(mixture, component_moments(mixture), ReportingOptions(), situation_with([]).sensor)
+    assert len(tracks.track_id) == shown

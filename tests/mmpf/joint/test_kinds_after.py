@@ -263,3 +263,5 @@ def test_the_odds_that_a_false_object_is_followed_are_summed_over_cases(detected
     ratio = lasts * (shares * probability).sum() / by_vehicle if detected else 1.0 / (1.0 - by_vehicle)
     assert after.mistaken / (1.0 - after.mistaken) == pytest.approx(0.25 * ratio)
     assert after.away_std == pytest.approx(np.array([[4.0 + 3.0 * DT_S, 1.0, 3.0]]))
+    fast = replace(now, away_std=np.array([[19.0, 1.0, 30.0]]))
+    assert mistaken_after(fast, before, seen_as(0.0, in_shadow), NOTHING, prior, DT_S).away_std[0, 0] == 20.0
