@@ -35,7 +35,6 @@ UNFOLLOWED, SWITCHED, FARTHER = range(3)
 """Kinds of marks: the other alone follows the vehicle; its identity was switched; it is followed from farther off."""
 FARTHER_M = 1.0
 SWITCH_SHOWN_S = 1.0
-BEFORE_S = 1.0
 MARK_COLUMNS = ("step", "vehicle_id", "kind", "side")
 DETECTED = ["step", "lon_m", "lat_m"]
 COMPARE = "compare"
@@ -61,14 +60,17 @@ def comparison_page(comparison: Judgement) -> str:
         text=as_html(text),
         charts=charts,
         **chart_parts(list(charts.values())),
-        **replay_parts(a, SecondRun(b, marks, first_failure(why)), _headings(why, both)),
+        **replay_parts(a, SecondRun(b, marks, largest_difference(marks, a.truth)), _headings(why, both)),
     )
 
 
-def first_failure(why: Why) -> tuple[float, str] | None:
-    """Return a moment before the first failure of either, and its vehicle; None where neither failed."""
-    found = sorted((*why.a, *why.b), key=lambda failure: failure.time_s)
-    return (max(0.0, found[0].time_s - BEFORE_S), found[0].vehicle_id) if found else None
+def largest_difference(marks: pd.DataFrame, truth: pd.DataFrame) -> tuple[float, str] | None:
+    """Return the time at which the two trackers differ for most vehicles, and one of these; None if they never do."""
+    if not len(marks):
+        return None
+    step = marks["step"].value_counts(sort=False).idxmax()
+    time_s = floats(truth[truth["step"] == step], "time_s")[0]
+    return float(time_s), str(marks.loc[marks["step"] == step, "vehicle_id"].iloc[0])
 
 
 def differences(

@@ -77,6 +77,7 @@ def run_page(run: RecordedRun) -> str:
     # Of a long run the picture shows it all, where the chart would only know the beginning.
     over_time = error_charts(run.errors) if run.whole else Charts(())
     drawn, figures = run.folder / runfolder.FIGURES / OVER_TIME, key_rows(run)
+    failures, brakings = worst_failures(run), worst_brakings(run)
     told = diagnostics_of(run)
     inside = diagnostics_charts(told) if told is not None else Charts(())
     return render(
@@ -89,9 +90,10 @@ def run_page(run: RecordedRun) -> str:
         setting=setting_sentence(run.metrics),
         first_figures=first_figures(figures),
         figures_table=key_figures(figures),
-        failures=worst_failures(run),
+        failures=failures,
+        opening=next(iter([*failures, *brakings]), None),
         decisions=decision_summary(run.metrics),
-        brakings=worst_brakings(run),
+        brakings=brakings,
         withheld=withheld_words(run.metrics),
         lost=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[] if run.whole or not drawn.is_file() else [PageFigure(embedded(drawn), OVER_TIME_WORDS)],

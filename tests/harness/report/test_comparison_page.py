@@ -5,9 +5,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis.why import DEATH, LOSS, SWITCH, TrackFailure, Why
+from harness.analysis.why import DEATH, SWITCH, TrackFailure
 from harness.commands.app import run_command_line
-from harness.report.comparison_page import FARTHER, SWITCHED, UNFOLLOWED, differences, first_failure
+from harness.report.comparison_page import FARTHER, SWITCHED, UNFOLLOWED, differences, largest_difference
 from harness.report.replay_data import SecondRun, replay_data
 from harness.running.finished import read_recorded_run
 from harness.storage import run_folder as runfolder
@@ -58,10 +58,11 @@ def test_which_run_comes_first_changes_the_side_and_nothing_else(runs):
     pd.testing.assert_frame_equal(turned, there.sort_values(list(there), ignore_index=True))
 
 
-def test_the_replay_opens_a_second_before_the_first_failure_of_either():
-    early, late = TrackFailure(LOSS, DEATH, "one", 3.0, 1, -1), TrackFailure(SWITCH, DEATH, "two", 7.5, 2, 3)
-    assert first_failure(Why((late,), (early,), "a", "b")) == (2.0, "one")
-    assert first_failure(Why((), (), "a", "b")) is None
+def test_the_replay_opens_when_the_trackers_differ_for_most_vehicles():
+    truth = pd.DataFrame({"step": [30, 40, 40], "time_s": [3.0, 4.0, 4.0]})
+    marks = pd.DataFrame({"step": [30, 40, 40], "vehicle_id": ["one", "two", "three"]})
+    assert largest_difference(marks, truth) == (4.0, "two")
+    assert largest_difference(marks[:0], truth) is None
 
 
 def test_both_trackers_share_what_happened_on_the_road(runs):
