@@ -25,18 +25,18 @@ def conclusion(comparison: Judgement) -> str:
     """Return the outcome in a sentence or two."""
     outcome, judged = comparison.outcome, comparison.primary
     counts = {word: sum(verdict.verdict == word for verdict in judged) for word in (WORSE, UNDECIDED, NO_WORSE, BETTER)}
-    told = ", ".join(f"{count} {word}" for word, count in counts.items() if count or not judged)
-    found = f"of {len(judged)} verdict{'' if len(judged) == 1 else 's'} {told}"
+    told = [f"{count} {word}" for word, count in counts.items() if count or not judged]
+    found = f"Verdicts: {', '.join(told)}."
     if outcome == WORSE:
         worse = ", ".join(
             f"{name_of(verdict.metric)}{f' ({verdict.breach})' if verdict.breach else _percent(verdict)}"
             for verdict in judged
             if verdict.regression
         )
-        return f"Worse: b is worse in {worse}; {found}."
+        return f"Worse: b is worse in {worse}. {found}"
     if outcome == UNDECIDED:
-        return f"Undecided: {found}."
-    return f"No worse: b is nowhere worse by more than {100 * comparison.rules.tolerance:g} %; {found}."
+        return f"Undecided. {found}"
+    return f"No worse: b is nowhere worse by more than {100 * comparison.rules.tolerance:g} %. {found}"
 
 
 def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
