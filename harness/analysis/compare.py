@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
 from harness.analysis.experiments import differing, differing_code, on_other_traffic
-from harness.analysis.single import FOLLOWED, compare_runs, notes_of
+from harness.analysis.single import FOLLOWED, compare_runs, label_of, notes_of
 from harness.analysis.sources import SETTING, Source
 from harness.analysis.verdicts import (
     NO_WORSE,
@@ -249,7 +249,7 @@ def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, 
             raise InputError(f"compare: {side.name} lacks the columns {', '.join(missing)}; make the grid again")
     common = [label for label in a.labels if label in b.labels]
     if not common and len(a.labels) == len(b.labels) == 1:
-        yield f"{a.labels[0]} to {b.labels[0]}", a.rows, b.rows
+        yield label_of(a, b), a.rows, b.rows
     elif not common:
         raise InputError(
             f"compare: {a.name} and {b.name} have no tracker in common; choose one of each by FOLDER@LABEL, for "

@@ -25,6 +25,7 @@ VARIED = ("seed", "replay", "traffic.net", "traffic.density", "traffic.demand", 
 """Settings that runs of one grid differ in, by which they are paired."""
 OF_DRIVES = ("driver", "heed_unseen", "provoke", "flow", "detected", "gap_bias")
 TRACKING = "tracker."
+TRACKER = "tracker.name"
 
 
 def settings_of_grid(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -50,11 +51,17 @@ def settings_of(nested: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    """Return sentences on what differs between two experiments' settings: in world and scoring, and in trackers."""
+    """Return sentences on what differs between two experiments' settings: in world and scoring, and in trackers.
+
+    Settings that only one of two different trackers has are left out.
+    """
+    two_trackers = a.get(TRACKER) != b.get(TRACKER)
     world: list[str] = []
     trackers: list[str] = []
     for key in dict.fromkeys((*a, *b)):
-        if key in VARIED or key in ("tracker.name", "tracker.model") or a.get(key) == b.get(key):
+        if key in VARIED or key in (TRACKER, "tracker.model") or a.get(key) == b.get(key):
+            continue
+        if two_trackers and key.startswith(TRACKING) and None in (a.get(key), b.get(key)):
             continue
         told = f"{key} {_word(a.get(key))} in a, {_word(b.get(key))} in b"
         (trackers if key.startswith(TRACKING) else world).append(told)

@@ -65,7 +65,7 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDiffere
     vehicles = int(truth.vehicle.max(initial=-1)) + 1
     near = closeness(truth, vehicles)
     pairs = _common_errors(first, second)
-    label = a.labels[0] if a.labels == b.labels else f"{a.labels[0]} to {b.labels[0]}"
+    label = label_of(a, b)
 
     def measured(quantity: Quantity) -> MetricDifference:
         whole = [column_of(side.rows, quantity.key) for side in (a, b)]
@@ -87,6 +87,11 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDiffere
 
     why = Why(tuple(failures(first)), tuple(failures(second)), str(a.folder), str(b.folder))
     return [measured(quantity) for quantity in compared_quantities(rules.primary)], why
+
+
+def label_of(a: Source, b: Source) -> str:
+    """Return the tracker that is compared, or both with their sides where they differ."""
+    return a.labels[0] if a.labels == b.labels else f"{a.labels[0]} (a), {b.labels[0]} (b)"
 
 
 def evidence_of(folder: Path) -> Evidence:

@@ -118,8 +118,8 @@ def curves(
     if in_words:
         x_axis |= {"axis": {"labelAngle": 0, "grid": False}, "scale": {"domain": places}}
     else:
-        few = {"values": sorted(places)} if len(places) <= MOST_TICKS else {}
-        x_axis |= {"scale": {"zero": False, "nice": False, "padding": 12}, "axis": {"grid": False, **few}}
+        ticks = {"values": sorted(places)} if len(places) <= MOST_TICKS else {"tickCount": MOST_TICKS - 1}
+        x_axis |= {"scale": {"zero": False, "nice": False, "padding": 12}, "axis": {"grid": False, **ticks}}
     names = [name for name, _ in lines]
     y: Spec = {"type": "quantitative", "title": None, "scale": {"zero": True}}
     y["scale"] |= {"domain": [0, 102]} if title.endswith("%") and not in_words else {}

@@ -129,7 +129,7 @@ def occlusion_sentence(event: Mapping[str, Any]) -> str:
     track, off_m = event["track_id"], event["largest_error_m"]
     untracked = event["outcome"] == "lost" and track < 0
     end = "it had no track before" if untracked else ENDS[event["outcome"]].format(track=track)
-    error = f", at most {off_m:.1f} m off while hidden" if np.isfinite(off_m) else ""
+    error = f"; while hidden, it was up to {off_m:.1f} m off" if np.isfinite(off_m) else ""
     return f"{event['vehicle_id']}, hidden for {event['duration_s']:.1f} s: {end}{error}."
 
 

@@ -74,7 +74,7 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
 
     rows = [[name, *(cell(key, column) for column in columns)] for key, name in MOT_ROWS]
     table, others = html_table(["vehicles", *(column.heading for column in columns)], rows), other_scores(metrics)
-    return table + html_table(["score", "value"], others) if others else table
+    return table + html_table(["score", "value", "better"], others) if others else table
 
 
 def _with_interval(row: Mapping[str, Any], key: str) -> Markup:

@@ -29,6 +29,7 @@ REPORTED = (
 )
 PRINTED = ("hidden", "pseudo_occlusion", "decisions.missed_per_km", "decisions.phantom_per_km")
 """What the terminal shows of these; the page shows all."""
+IDEAL_ONE = "(1 is right)"
 IN_WORDS = {"mot.id_switches": {"label": "identity switches in sight", "decimals": 0}}
 
 
@@ -48,14 +49,21 @@ def mot_value(metrics: Mapping[str, Any], vehicles: str, column: Quantity) -> fl
 
 
 def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -> list[list[str]]:
-    """Return name and value of the other scores of a list."""
+    """Return name, value and better direction of the other scores of a list."""
     shown = {quantity.key for quantity in mot_columns()}
     others = [(quantity, quantity.of(metrics)) for quantity in view(listed, IN_WORDS) if quantity.key not in shown]
     return [
-        [quantity.label, number(value, quantity.decimals)]
+        [quantity.label, number(value, quantity.decimals), better(quantity)]
         for quantity, value in others
         if value is not None or not quantity.is_of_some_runs
     ]
+
+
+def better(quantity: Quantity) -> str:
+    """Return which values of a score are better, in a word."""
+    if quantity.label.endswith(IDEAL_ONE):
+        return "near 1"
+    return "higher" if quantity.higher_is_better else "lower"
 
 
 def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
@@ -68,6 +76,7 @@ def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
             Text(f"\n{title} · seed {run['seed']}", style="bold"),
             _error_table(metrics["mae"]),
             _mot_table(metrics),
+            _score_table(metrics),
             _lines(metrics),
             Text(f"Results: {folder}", style="bold"),
             Text(f"Open in a browser: {folder / 'report.html'}"),
@@ -90,8 +99,12 @@ def print_networks(networks: Sequence[NetworkDescription]) -> None:
     Console(highlight=False).print(table)
 
 
+def _table(title: str) -> Table:
+    return Table(title=title, box=box.SIMPLE, title_justify="left", padding=(0, 1, 0, 0))
+
+
 def _error_table(mae: Mapping[str, Any]) -> Table:
-    table = Table(title="Mean absolute error while followed, by visibility", box=box.SIMPLE, title_justify="left")
+    table = _table("Mean absolute error while followed, by visibility")
     table.add_column("vehicles", no_wrap=True)
     for _, heading in MAE_COLUMNS:
         table.add_column(heading, justify="right")
@@ -105,13 +118,22 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
 
 
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
-    table = Table(title="Tracks against truth", box=box.SIMPLE, title_justify="left")
+    table = _table("Tracks against truth, missed and false in steps")
     table.add_column("vehicles", no_wrap=True)
     columns = [column for column in mot_columns() if column.key not in BESIDE]
     for column in columns:
         table.add_column(column.heading, justify="right")
     for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
         table.add_row(name, *(number(mot_value(metrics, key, column), column.decimals) for column in columns))
+    return table
+
+
+def _score_table(metrics: Mapping[str, Any]) -> Table:
+    table = _table("Hidden vehicles and braking")
+    for heading, justify in (("score", "left"), ("value", "right"), ("better", "left")):
+        table.add_column(heading, justify=justify, no_wrap=True)
+    for row in other_scores(metrics, PRINTED):
+        table.add_row(*row)
     return table
 
 
@@ -134,8 +156,7 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"{number(timing['total_s'], 1)} s in all, with loading, warm-up, scoring and drawing"
     )
     plain = _plain_view(metrics.get("in_plain_view") or {})
-    others = (": ".join(score) for score in other_scores(metrics, PRINTED))
-    return Text("\n".join((*plain, events, *others, "What scores mean: docs/explanation/scores.md", road, speed)))
+    return Text("\n".join((*plain, events, "What scores mean: docs/explanation/scores.md", road, speed)))
 
 
 def _plain_view(scores: Mapping[str, Any]) -> list[str]:

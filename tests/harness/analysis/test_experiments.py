@@ -11,6 +11,7 @@ import pytest
 
 import harness
 from harness.analysis.compare import compare
+from harness.analysis.experiments import differing
 from harness.analysis.sources import open_source
 from harness.analysis.verdicts import NO_WORSE, UNDECIDED, Limit, Rules
 from harness.commands.app import run_command_line
@@ -59,6 +60,12 @@ def test_different_experiments_are_refused_and_listed_where_that_is_allowed(one,
 def test_what_is_the_same_by_default_is_no_difference(tmp_path):
     a, b = with_grid(grid_folder(tmp_path / "a"), sensor="lidar", duration_s=60), grid_folder(tmp_path / "b")
     assert compared(a, b).differing == ()
+
+
+def test_a_setting_that_only_one_of_two_trackers_has_is_no_difference():
+    a, b = {"tracker.name": "mmpf", "tracker.update": "joint"}, {"tracker.name": "pmbm"}
+    assert differing(a, b) == ([], [])
+    assert differing(a, b | {"tracker.name": "mmpf"})[1] == ["tracker.update joint in a, not set in b"]
 
 
 def test_trackers_may_differ_in_settings_code_and_model_and_that_is_listed(tmp_path):

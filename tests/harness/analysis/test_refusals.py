@@ -136,7 +136,7 @@ def test_what_b_lacks_of_runs_and_trackers_is_wanting():
     )
     one = compare(source("a", rows(("x",))), source("b", rows(("y",))))
     assert one.wanting == ()
-    assert {each.label for each in one.verdicts} == {"x to y"}
+    assert {each.label for each in one.verdicts} == {"x (a), y (b)"}
 
 
 def test_comparisons_that_make_no_sense_are_refused_with_the_reason():
