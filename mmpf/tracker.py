@@ -63,7 +63,7 @@ class MixtureTracker:
         self._options = options or FilterOptions()
         self._proposal = proposal
         self._rule = RULES[self._options.update](self._options, sensor)
-        self._on_road = on_road(road, self._options.flow)
+        self._on_road = on_road(road)
         self._motion = self._on_road.motion(self._rule.motion(motion))
         self._error = self._rule.model_error(self._motion)
         self._mixture = Mixture.empty(self._motion.latent_size, self._rule.first(0), road.has_headings)

@@ -130,8 +130,9 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
 
 def _score_table(metrics: Mapping[str, Any]) -> Table:
     table = _table("Hidden vehicles and braking")
-    for heading, justify in (("score", "left"), ("value", "right"), ("better", "left")):
-        table.add_column(heading, justify=justify, no_wrap=True)
+    table.add_column("score", no_wrap=True)
+    table.add_column("value", justify="right")
+    table.add_column("better")
     for row in other_scores(metrics, PRINTED):
         table.add_row(*row)
     return table

@@ -71,7 +71,6 @@ class Surroundings:
         left_follower: Nearest vehicle behind in the lane to the left.
         right_leader: Nearest vehicle ahead in the lane to the right.
         right_follower: Nearest vehicle behind in the lane to the right.
-        flow_speed_mps: Mean speed of the seen traffic nearby, weighted towards the own lane; nan where none is seen.
         is_hidden: Whether the particle's vehicle has not been seen lately.
         road_speed_mps: How fast the road can be driven here, by limits, bends and lines ahead; infinite where nothing
             is known of them.
@@ -87,7 +86,6 @@ class Surroundings:
     left_follower: NeighbourView
     right_leader: NeighbourView
     right_follower: NeighbourView
-    flow_speed_mps: FloatArray
     is_hidden: BoolArray
     road_speed_mps: FloatArray
 

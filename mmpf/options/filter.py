@@ -75,13 +75,6 @@ class BirthOptions(Settings):
     """Tracks within this distance determine the speed of the surrounding traffic."""
 
 
-class FlowOptions(Settings):
-    """The speed of the traffic that a vehicle swims in, for motion models that ask for it."""
-
-    length_m: Positive = 25.0
-    """Distance over which the weight of a detected vehicle's speed falls by the factor e."""
-
-
 class ReportingOptions(Settings):
     """When a component counts as hidden and which hidden ones are reported."""
 
@@ -113,8 +106,6 @@ class FilterOptions(Settings):
     """Noise added to the motion model's prediction."""
     birth: BirthOptions = BirthOptions()
     """How new components are drawn."""
-    flow: FlowOptions = FlowOptions()
-    """The speed of the traffic around a vehicle."""
     reporting: ReportingOptions = ReportingOptions()
     """When a component counts as hidden and which hidden ones are reported."""
     joint: JointOptions = JointOptions()

@@ -17,16 +17,13 @@ from mmpf.map.corridor_road import CorridorRoad
 from mmpf.motion.doubting import DOUBT
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.options.filter import FlowOptions
+from mmpf.numerics.arrays import BoolArray
 from mmpf.scan import EgoPose
 from mmpf.surroundings.adjacent_lanes import LEFT, OWN, RIGHT, lanes_around
 from mmpf.surroundings.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
 
 LEAST_PROBABILITIES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """For each fifth of the doubts from 0 to 1: particles heed who is a vehicle with more than this probability."""
-OTHER_LANE_WEIGHT = 0.15
-"""Weight of vehicles in other lanes in the speed of the traffic, relative to those in the same lane."""
 
 
 def surroundings_of(
@@ -36,7 +33,6 @@ def surroundings_of(
     ego: EgoPose,
     ego_accel_mps2: float,
     road: CorridorRoad,
-    options: FlowOptions,
 ) -> Surroundings:
     """Return what each particle knows of road and traffic.
 
@@ -47,7 +43,6 @@ def surroundings_of(
         ego: Pose of the sensor's own vehicle, a neighbour like any other.
         ego_accel_mps2: Its longitudinal acceleration.
         road: The lanes.
-        options: What counts as the flow of traffic around.
     """
     state, component, vehicles = mixture.cloud.state, mixture.cloud.component, mixture.components
     own = ego.lon_m, ego.lat_m, ego.speed_mps, 0.0, ego_accel_mps2, 0.0
@@ -67,7 +62,6 @@ def surroundings_of(
 
     lanes = lanes_around(state[LON], state[LAT], road)
     known = KnownTraffic(state, row, others[[LON, SPEED, ACCEL]], np.tile(length, len(cases)))
-    flow = flow_speeds(moments.mean, lane_of_other[:-1], vehicles.confirmed & is_seen, options)
     return Surroundings(
         length_m=vehicles.length_m[component],
         lane_right_m=lanes.line_m[0],
@@ -79,25 +73,6 @@ def surroundings_of(
         left_follower=UnmeasuredNeighbour(known, lanes.index[LEFT], follower, -1.0),
         right_leader=UnmeasuredNeighbour(known, lanes.index[RIGHT], leader, 1.0),
         right_follower=UnmeasuredNeighbour(known, lanes.index[RIGHT], follower, -1.0),
-        flow_speed_mps=flow[component],
         is_hidden=np.repeat(~is_seen, np.diff(mixture.starts)),
         road_speed_mps=np.broadcast_to(np.inf, len(component)),
     )
-
-
-def flow_speeds(mean: FloatArray, lane: IntArray, counts: BoolArray, options: FlowOptions) -> FloatArray:
-    """Return the speed of the counted traffic near each component, nan where there is none, shape (m,).
-
-    Args:
-        mean: Components' mean states, shape (6, m).
-        lane: Their lanes, shape (m,).
-        counts: Which of them are seen vehicles, shape (m,).
-        options: How much each of them counts.
-    """
-    weight = np.exp(-np.abs(mean[LON][:, None] - mean[LON][None, :]) / options.length_m)
-    weight *= np.where(lane[:, None] == lane[None, :], 1.0, OTHER_LANE_WEIGHT)
-    weight *= counts[None, :]
-    np.fill_diagonal(weight, 0.0)
-    total = weight.sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(total > 1e-3, (weight * mean[SPEED]).sum(axis=1) / total, np.nan)

@@ -16,7 +16,6 @@ from mmpf.motion.state import ACCEL, LAT, LON, SPEED
 from mmpf.motion.turning import road_speeds, turning_driver
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
-from mmpf.options.filter import FlowOptions
 from mmpf.scan import EgoPose
 from mmpf.surroundings.neighbours import IN_THE_WAY
 from mmpf.surroundings.right_of_way import OnLanes
@@ -24,8 +23,6 @@ from mmpf.surroundings.stop_lines import stop_at_lines
 
 HORIZON_M = 120.0
 NOBODY = -1
-# Vehicles whose directions differ by more are no part of the flow.
-SAME_WAY = np.cos(np.deg2rad(60.0))
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,6 @@ def surroundings_on_graph(
     ego: EgoPose,
     ego_accel_mps2: float,
     graph: LaneGraph,
-    options: FlowOptions,
     open_links: Callable[[OnLanes], FloatArray | None] | None = None,
 ) -> AroundOnGraph:
     """Return what each particle knows of road and traffic, in its own lane's frame; see ``surroundings_of``.
@@ -85,7 +81,6 @@ def surroundings_on_graph(
         ego: Pose of the sensor's own vehicle, a neighbour like any other.
         ego_accel_mps2: Its acceleration.
         graph: The lanes.
-        options: What counts as the flow of traffic around.
         open_links: How probably each link can be taken now, (k,), given where vehicles are; None where all can be.
     """
     cloud, vehicles = mixture.cloud, mixture.components
@@ -95,7 +90,6 @@ def surroundings_on_graph(
     on_lane = lane != NOWHERE
     half = np.where(on_lane, 0.5 * graph.width_m[lane], np.nan)
     beside = [np.where(on_lane, column[lane], NOWHERE) for column in (graph.left, graph.right)]
-    flow = _flow_speeds(moments, vehicles.confirmed & is_seen, options)
 
     def found(of_lane: IntArray, sign: float, then: IntArray | None) -> Neighbour:
         return _nearest(placed, graph, cloud.component, cloud.state[SPEED], lane, of_lane, along, left, sign, then)
@@ -132,7 +126,6 @@ def surroundings_on_graph(
         left_follower=found(beside[0], -1.0, None),
         right_leader=found(beside[1], 1.0, None),
         right_follower=found(beside[1], -1.0, None),
-        flow_speed_mps=flow[cloud.component],
         is_hidden=~is_seen[cloud.component],
         road_speed_mps=road_speeds(graph, lane, following, along, turning_driver()),
         along_m=along,
@@ -291,14 +284,3 @@ def _find_nearest(
         else:
             gap[n] = away - 0.5 * (length[own] + length[who])
             neighbour_speed[n], neighbour_accel[n], neighbour_length[n] = speed[who], accel[who], length[who]
-
-
-def _flow_speeds(moments: Moments, counts: BoolArray, options: FlowOptions) -> FloatArray:
-    """Return the speed of the counted traffic near each component that goes its way, nan where there is none, (m,)."""
-    mean, heading = moments.mean, moments.heading_rad
-    away = np.hypot(mean[LON][:, None] - mean[LON], mean[LAT][:, None] - mean[LAT])
-    weight = np.exp(-away / options.length_m) * (np.cos(heading[:, None] - heading) > SAME_WAY) * counts
-    np.fill_diagonal(weight, 0.0)
-    total = weight.sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(total > 1e-3, (weight * mean[SPEED]).sum(axis=1) / total, np.nan)

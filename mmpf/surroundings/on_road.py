@@ -16,7 +16,6 @@ from mmpf.motion.doubting import Doubting
 from mmpf.motion.off_map import in_plane
 from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.numerics.arrays import BoolArray, FloatArray
-from mmpf.options.filter import FlowOptions
 from mmpf.scan import Scan
 from mmpf.surroundings.on_corridor import surroundings_of
 from mmpf.surroundings.on_graph import surroundings_on_graph
@@ -51,7 +50,6 @@ class OnRoad(Protocol):
 @dataclass(frozen=True)
 class _OnCorridor:
     road: CorridorRoad
-    flow: FlowOptions
 
     def motion(self, model: MotionModel) -> MotionModel:
         return Doubting(model)
@@ -60,15 +58,15 @@ class _OnCorridor:
         return Traffic(place[0], speed_mps)
 
     def surroundings(self, belief: Belief, before: Scan, now: Scan) -> Surroundings:
-        return surroundings_of(*belief, before.ego, _ego_accel(before, now), self.road, self.flow)
+        return surroundings_of(*belief, before.ego, _ego_accel(before, now), self.road)
 
     def reported(self, mixture: Mixture, moments: Moments) -> tuple[Mixture, Moments]:
         return mixture, moments
 
 
 class _OnGraph:
-    def __init__(self, road: LaneGraphRoad, flow: FlowOptions) -> None:
-        self._graph, self._flow, self._links = road.graph, flow, SignalEstimator(road.graph)
+    def __init__(self, road: LaneGraphRoad) -> None:
+        self._graph, self._links = road.graph, SignalEstimator(road.graph)
 
     def motion(self, model: MotionModel) -> MotionModel:
         return in_plane(model, self._graph)
@@ -79,7 +77,7 @@ class _OnGraph:
     def surroundings(self, belief: Belief, before: Scan, now: Scan) -> Surroundings:
         open_links = partial(self._links.look, open_signals=before.open_signals, dt_s=now.time_s - before.time_s)
         around = *belief, before.ego, _ego_accel(before, now)
-        return surroundings_on_graph(*around, self._graph, self._flow, open_links)
+        return surroundings_on_graph(*around, self._graph, open_links)
 
     def reported(self, mixture: Mixture, moments: Moments) -> tuple[Mixture, Moments]:
         chosen = on_heaviest_way(mixture, self._graph)
@@ -87,24 +85,23 @@ class _OnGraph:
 
 
 @singledispatch
-def on_road(road: Road, flow: FlowOptions) -> OnRoad:  # noqa: ARG001
+def on_road(road: Road) -> OnRoad:
     """Return what a filter asks of a road.
 
     Args:
         road: The road, of one of the kinds that there are.
-        flow: What counts as the flow of traffic around.
     """
     raise TypeError(f"{type(road).__name__} is no kind of road that vehicles move on")
 
 
 @on_road.register
-def _(road: CorridorRoad, flow: FlowOptions) -> OnRoad:
-    return _OnCorridor(road, flow)
+def _(road: CorridorRoad) -> OnRoad:
+    return _OnCorridor(road)
 
 
 @on_road.register
-def _(road: LaneGraphRoad, flow: FlowOptions) -> OnRoad:
-    return _OnGraph(road, flow)
+def _(road: LaneGraphRoad) -> OnRoad:
+    return _OnGraph(road)
 
 
 def _ego_accel(before: Scan, now: Scan) -> float:

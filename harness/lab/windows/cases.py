@@ -94,7 +94,6 @@ def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden:
         left_follower=_where(crossed, nobody, follower),
         right_leader=_where(crossed, leader, nobody),
         right_follower=nobody,
-        flow_speed_mps=np.full(len(crossed), np.nan),
         is_hidden=np.full(len(crossed), hidden),
         road_speed_mps=np.full(len(crossed), np.inf),
     )
@@ -148,7 +147,6 @@ def _behind_leaders(windows: CarFollowing, state: FloatArray, step: int, hidden:
         left_follower=nobody,
         right_leader=nobody,
         right_follower=nobody,
-        flow_speed_mps=np.full(len(no_lane), np.nan),
         is_hidden=np.full(len(no_lane), hidden),
         road_speed_mps=np.full(len(no_lane), np.inf),
     )

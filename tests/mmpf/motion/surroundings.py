@@ -41,7 +41,6 @@ def around(
         left_follower=nobody(state),
         right_leader=nobody(state),
         right_follower=nobody(state),
-        flow_speed_mps=np.full(n, np.nan),
         is_hidden=np.full(n, hidden),
         road_speed_mps=np.full(n, np.inf),
     )

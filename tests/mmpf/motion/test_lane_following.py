@@ -51,7 +51,7 @@ class Drive:
         nobody = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
         nothing = np.zeros(0)
         hidden = np.full(self.state.shape[1], not in_sight)
-        around = Surroundings(*(nothing,) * 5, *(nobody,) * 5, nothing, hidden, nothing)  # type: ignore[arg-type]
+        around = Surroundings(*(nothing,) * 5, *(nobody,) * 5, hidden, nothing)  # type: ignore[arg-type]
         for _ in range(steps):
             self.state, self.latents = self.motion.propagate(self.state, self.latents, around, dt_s, self.rng)
 

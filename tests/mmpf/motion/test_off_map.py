@@ -17,7 +17,7 @@ from mmpf.scan import BodyHeadings
 from tests.mmpf.map.scenes import arc, graph_of
 
 NOBODY = Neighbour(*(np.zeros(0) for _ in range(5)))  # type: ignore[arg-type]
-AROUND = Surroundings(*(np.zeros(0),) * 5, *(NOBODY,) * 5, *(np.zeros(0),) * 3)  # type: ignore[arg-type]
+AROUND = Surroundings(*(np.zeros(0),) * 5, *(NOBODY,) * 5, *(np.zeros(0),) * 2)  # type: ignore[arg-type]
 RNG = np.random.default_rng(0)
 
 

@@ -10,7 +10,6 @@ from mmpf.belief.moments import component_moments
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import LAT, LON, SPEED
-from mmpf.options.filter import FlowOptions
 from mmpf.scan import EgoPose
 from mmpf.surroundings.on_graph import surroundings_on_graph
 from tests.mmpf.map.scenes import graph_of
@@ -58,7 +57,7 @@ def around(
     pose = EgoPose(float(x[0]), float(y[0]), float(turn[0]), 7.0, LENGTH_M, 1.9)
     seen = np.ones(len(lane), dtype=bool)
     moments, links = component_moments(mixture), np.full(len(graph.successor), chance)
-    return surroundings_on_graph(mixture, moments, seen, pose, 0.0, graph, FlowOptions(), lambda _: links)
+    return surroundings_on_graph(mixture, moments, seen, pose, 0.0, graph, lambda _: links)
 
 
 def test_the_leader_is_the_next_vehicle_in_the_lane_and_nobody_behind_or_oncoming() -> None:
@@ -94,13 +93,10 @@ def test_in_the_lane_beside_there_are_a_leader_and_a_follower() -> None:
     assert found.right_leader.exists.tolist() == [False, False, True]
 
 
-def test_lane_lines_are_half_a_width_off_and_the_flow_is_that_of_ones_own_direction() -> None:
+def test_lane_lines_are_half_a_width_off() -> None:
     found = around([("right", 50, 10, "on"), ("left", 52, 14, None), ("back", 45, 3, None)])
     assert found.lane_left_m == pytest.approx([1.6] * 3)
     assert found.lane_right_m == pytest.approx([-1.6] * 3)
-    assert found.flow_speed_mps[0] == pytest.approx(14.0)
-    assert found.flow_speed_mps[1] == pytest.approx(10.0)
-    assert np.isnan(found.flow_speed_mps[2])
 
 
 def before_closed_link(along_m: float, speed_mps: float, gate: float, chance: float) -> Surroundings:
