@@ -142,9 +142,9 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
     occlusion, traffic, timing = metrics["occlusion"], metrics["traffic"], metrics["timing"]
     elsewhere = (occlusion["survived"] or 0) - (occlusion["same_id"] or 0)
     events = (
-        f"Occlusions: {number(occlusion['events'], 0)}; same track afterwards {number(occlusion['same_id'], 0)}, lost "
-        f"or none {number(occlusion['lost'], 0)}, track on another vehicle {number(occlusion['hijacked'], 0)}, "
-        f"elsewhere {elsewhere:.0f}"
+        f"After {number(occlusion['events'], 0)} occlusions: {number(occlusion['same_id'], 0)} vehicles had the same "
+        f"track, {number(occlusion['lost'], 0)} none, {number(occlusion['hijacked'], 0)} a track on another vehicle, "
+        f"{elsewhere:.0f} a track elsewhere"
     )
     road = (
         f"Traffic: {number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, "
@@ -165,7 +165,7 @@ def _plain_view(scores: Mapping[str, Any]) -> list[str]:
     if scores.get("recall") is None:
         return []
     return [
-        f"In plain view with a track: {number(scores['recall'], 1, ' %')}, worst tenth of vehicles "
-        f"{number(scores['worst_tenth'], 1, ' %')}; never reported {scores['never_reported']}, dropped "
-        f"{scores['dropped']}"
+        f"In plain view, vehicles had a track {number(scores['recall'], 1, ' %')} of the time (worst tenth "
+        f"{number(scores['worst_tenth'], 1, ' %')}); {scores['never_reported']} never got one, {scores['dropped']} "
+        "lost it"
     ]

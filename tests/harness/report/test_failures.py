@@ -170,7 +170,7 @@ def test_the_screen_the_page_and_the_summary_tell_recall_and_an_old_run_has_none
     assert "97.2" in str(mot_table(known))
     print_summary(known, run.folder)
     screen = " ".join(capsys.readouterr().err.split())
-    assert "In plain view with a track: 97.2 %, worst tenth of vehicles 12.0 %; never reported 1, dropped 2" in screen
+    assert "vehicles had a track 97.2 % of the time (worst tenth 12.0 %); 1 never got one, 2 lost it" in screen
     assert "In plain view" not in " ".join(summary_sentences(old))
     assert "worst tenth %" in str(mot_table(old))
     print_summary(old, run.folder)
