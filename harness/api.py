@@ -180,8 +180,7 @@ class Grid:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of ``summary.json``: the grid, its curves, and where each tracker breaks."""
-        summary: dict[str, Any] = read_json(self.folder / "summary.json")
-        return summary
+        return read_json(self.folder / "summary.json")
 
 
 @dataclass(frozen=True)

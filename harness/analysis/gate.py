@@ -16,7 +16,7 @@ from harness.analysis.why import moment_of
 from harness.common.error_text import first_problem
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
-from harness.config.layers import table_of_file
+from harness.common.untrusted_files import read_toml
 
 PARAMETER = "gate"
 
@@ -56,7 +56,7 @@ def read_gate(path: Path | None) -> Gate:
     if path is None:
         return Gate()
     try:
-        return Gate.model_validate(table_of_file(path, PARAMETER))
+        return Gate.model_validate(read_toml(path, PARAMETER))
     except ValidationError as error:
         key, message, given, unknown = first_problem(error)
         problem = f"unknown key {key!r}" if unknown else f"{key}: {message}, not {given!r}"

@@ -15,7 +15,7 @@ from harness.analysis.curves import labelled
 from harness.analysis.experiments import settings_of, settings_of_grid
 from harness.analysis.verdicts import compared_quantities
 from harness.common.errors import InputError
-from harness.common.untrusted_files import read_json
+from harness.common.untrusted_files import read_json, reading
 from harness.scoring.metrics.closedloop import COLLIDED
 from harness.scoring.metrics.registry import is_from_outside
 from harness.storage import run_folder as runfolder
@@ -90,12 +90,10 @@ def open_source(text: str, parameter: str) -> Source:
 def _open_grid(name: str, folder: Path, parameter: str) -> Source:
     table = runfolder.read_table(folder, RUNS, parameter, (*SETTING, "seed", "succeeded", "variant", "model"))
     done = labelled(table)
-    try:
+    with reading(f"`{parameter}`: {folder / GRID}", "list of what a grid runs"):
         asked = read_json(folder / GRID)
         vary = [str(word) for word in asked["vary"]]
         settings = settings_of_grid(asked)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, InputError):
-        raise InputError(f"`{parameter}`: {folder / GRID} is missing or broken; make the grid again") from None
     manifest = manifest_of(folder)
     check_unedited(folder, manifest, parameter)
     axes = (*(word.partition("=")[0].strip() for word in vary), *((MISMATCH,) if MISMATCH in table else ()))

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import typer
 
+from harness.common.streams import streams_kept
 from harness.config import options as shared
 from harness.config.options import RunOptions
 
@@ -57,12 +58,6 @@ def command(options: Options) -> None:
 @contextmanager
 def _only_results_on_stdout() -> Iterator[None]:
     """Send to stderr what libraries, SUMO's C++ among them, print on stdout."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
-    try:
+    with streams_kept():
+        os.dup2(2, 1)
         yield
-    finally:
-        sys.stdout.flush()
-        os.dup2(kept, 1)
-        os.close(kept)

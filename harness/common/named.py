@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from harness.common.errors import InputError
+from harness.common.streams import streams_kept
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -36,7 +37,9 @@ def named(registry: Catalogue[T], option: str, name: str) -> T:
     Raises:
         InputError: There is none of that name, or it can't be had.
     """
-    if problem := registry.problem(name):
+    with streams_kept():
+        problem = registry.problem(name)
+    if problem:
         raise InputError(f"`{option}`{problem}")
     return registry[name]
 

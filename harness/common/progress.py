@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
 
 @contextmanager
@@ -15,15 +15,8 @@ def progress_bar(title: str, total: int, quiet: bool, before: str = "") -> Itera
 
     Before the first step it says ``before``, or the title.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("elapsed"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
+    times = "elapsed", TimeElapsedColumn(), "left", TimeRemainingColumn()
+    columns = "{task.description}", BarColumn(), MofNCompleteColumn(), *times
     with Progress(*columns, console=Console(stderr=True), disable=quiet, transient=True) as bar:
         task = bar.add_task(before or title, total=total)
 

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import stat
+import tomllib
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -95,18 +96,28 @@ def read_text(path: Path, parameter: str | None = None) -> str:
     return path.read_text(encoding="utf-8")
 
 
-def read_json(path: Path, parameter: str | None = None) -> Any:  # noqa: ANN401  JSON has no type
-    """Return the content of a JSON file of settings or results.
+def read_json(path: Path, parameter: str | None = None) -> dict[str, Any]:
+    """Return the content of a JSON file of settings or results, which is a table.
 
     Raises:
         InputError: It is not a regular file, or larger than any that is written.
         OSError: It can't be read.
-        ValueError: It is not UTF-8, no JSON, or nested too deeply.
+        ValueError: It is not UTF-8, no table in JSON, or nested too deeply.
     """
     try:
-        return json.loads(read_text(path, parameter))
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
+        return dict(json.loads(read_text(path, parameter)))
+    except (RecursionError, TypeError):
+        raise ValueError("it is no table, or nested too deeply") from None
+
+
+def read_toml(path: Path, parameter: str) -> dict[str, Any]:
+    """Return the content of a TOML file of settings, unchecked.
+
+    Raises:
+        InputError: It can't be read, or is no TOML.
+    """
+    with reading(f"`{parameter}`: {path}", "TOML file"):
+        return tomllib.loads(read_text(path, parameter))
 
 
 def number_or_nan(text: str) -> float:
@@ -130,11 +141,11 @@ def number(text: str) -> float:
 
 
 @contextmanager
-def reading(path: Path, what: str) -> Iterator[None]:
+def reading(path: object, what: str) -> Iterator[None]:
     """Turn whatever fails over a file's content into one line that names the file.
 
     Args:
-        path: The file.
+        path: The file, after the option that named it if need be.
         what: What it should be, for the message.
 
     Raises:

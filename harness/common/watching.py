@@ -20,6 +20,7 @@ from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.exit_codes import RUN_FAILED
 from harness.common.isolation import DIES_WITH_PARENT
 from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c, ignore_ends
+from harness.common.streams import open_missing_streams
 
 NAMES_CODE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 
@@ -39,6 +40,7 @@ def watched(command: str, arguments: Sequence[str]) -> int:
         command: ``module:function``, which takes the command's words and returns an exit code.
         arguments: These words.
     """
+    open_missing_streams()
     if hasattr(sys.stderr, "reconfigure"):
         # Lines of several processes mix unless each is one write, which PYTHONUNBUFFERED=1 prevents.
         sys.stderr.reconfigure(line_buffering=True, write_through=False)
@@ -54,7 +56,8 @@ def watched(command: str, arguments: Sequence[str]) -> int:
                 code = code_of_end()
             # All is done and told: what ends the process from here on must not look like an error.
             ignore_ends()
-        os.write(pipe, pickle.dumps((code, None)))
+        with suppress(OSError):  # external code has closed it: the parent tells
+            os.write(pipe, pickle.dumps((code, None)))
         return code
     named = ", ".join(code_named(arguments)) or "a plug-in or a library that the command uses"
     try:

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from harness.common.error_text import first_problem, nearest
 from harness.common.errors import InputError
-from harness.common.untrusted_files import read_text
+from harness.common.untrusted_files import read_toml
 from harness.config.model import DEFAULT_TRACKER, RunConfig, TrackerConfig
 from harness.config.options import keys_of_options
 from mmpf.options.base import fields_of, names_code
@@ -36,7 +36,7 @@ def merged(config_file: Path | None, options: Mapping[str, object], settings: Se
         InputError: The file can't be read, or a setting is no ``KEY=VALUE``.
     """
     merged: Table = {}
-    in_file = table_of_file(config_file) if config_file is not None else {}
+    in_file = read_toml(config_file, "config") if config_file is not None else {}
     for layer in (in_file, _table_of_options(options), _table_of_settings(settings)):
         _forget_another_trackers_options(merged, layer)
         _merge_into(merged, layer)
@@ -53,22 +53,6 @@ def config_from_table(table: Table) -> RunConfig:
         return RunConfig.model_validate(table)
     except ValidationError as error:
         raise InputError(_first_problem(error)) from None
-
-
-def table_of_file(path: Path, parameter: str = "config") -> Table:
-    """Return what a TOML file holds, unchecked.
-
-    Raises:
-        InputError: It can't be read or is no TOML.
-    """
-    try:
-        return tomllib.loads(read_text(path, "config"))
-    except RecursionError:
-        raise InputError(f"`{parameter}`: {path} is nested too deeply") from None
-    except OSError as error:
-        raise InputError(f"`{parameter}`: can't read {path}: {error.strerror}; give the path of a TOML file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"`{parameter}`: {path} is not valid TOML: {error}") from None
 
 
 def _table_of_options(options: Mapping[str, object]) -> Table:

@@ -11,8 +11,8 @@ import tomli_w
 
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.common.untrusted_files import checked_path
-from harness.config.layers import check_modules, config_from_table, leaves, merged, parameter_of, table_of_file
+from harness.common.untrusted_files import checked_path, read_toml
+from harness.config.layers import check_modules, config_from_table, leaves, merged, parameter_of
 from harness.config.model import RunConfig, SensorConfig, brings_its_own_demand
 from harness.decisions.drivers.protocol import drivers
 from harness.sensor.profiles import has_all_figures, is_built_in, sensor_profiles, sensor_settings
@@ -44,7 +44,7 @@ def resolve_run_config(
     if not isinstance(table.get("traffic", {}).get("recording", {}), dict):
         raise InputError("`settings`: traffic.recording is a table of settings; for example traffic.recording.ego=auto")
     if config_file is not None:
-        check_modules(table_of_file(config_file), merged(None, options or {}, settings), config_file)
+        check_modules(read_toml(config_file, "config"), merged(None, options or {}, settings), config_file)
     replay = table.get("replay")
     if isinstance(replay, str):
         path = Path(os.path.realpath(example(checked_path(Path(replay), "replay"))))

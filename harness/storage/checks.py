@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
-from harness.common.untrusted_files import check_file
+from harness.common.untrusted_files import check_file, reading
 from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
@@ -58,25 +58,20 @@ def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: 
 
 
 def _table(path: Path, place: str, until: Until | None, noted: int | None) -> pa.Table:
-    try:
-        with pq.ParquetFile(path, pre_buffer=False) as file:
-            footer, schema = file.metadata, file.schema_arrow
-            _check_version(footer, place)
-            if noted is not None and footer.num_rows != noted:
-                raise InputError(
-                    f"{place} has {footer.num_rows} rows, the run wrote {str(noted)[:20]}; make the run again, or take "
-                    "rows out of manifest.json if you meant that"
-                )
-            for field in schema:
-                kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-                if not any(is_kind(kind) for is_kind in READABLE):
-                    raise InputError(f"{place}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
-            groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
-            table = file.read_row_groups(groups, use_threads=False)
-    except (OSError, pa.ArrowException, UnicodeDecodeError, ValueError) as error:
-        if isinstance(error, MemoryError):
-            raise
-        raise InputError(f"{place} is truncated or damaged; make the run again") from None
+    with reading(place, "table of a run"), pq.ParquetFile(path, pre_buffer=False) as file:
+        footer, schema = file.metadata, file.schema_arrow
+        _check_version(footer, place)
+        if noted is not None and footer.num_rows != noted:
+            raise InputError(
+                f"{place} has {footer.num_rows} rows, the run wrote {str(noted)[:20]}; make the run again, or take "
+                "rows out of manifest.json if you meant that"
+            )
+        for field in schema:
+            kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+            if not any(is_kind(kind) for is_kind in READABLE):
+                raise InputError(f"{place}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
+        groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
+        table = file.read_row_groups(groups, use_threads=False)
     return table if until is None else table.filter(pa.compute.less_equal(table[until.column], until.last))
 
 

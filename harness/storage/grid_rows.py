@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,18 +62,15 @@ def read_rows(folder: Path, keys: Iterable[str]) -> dict[str, Row]:
         path = folder / f"{key}.json"
         if not path.is_file():
             continue
-        try:
-            row = read_json(path)
-        except ValueError:
-            continue
-        if _is_row(row):
-            rows[key] = row
+        with suppress(ValueError):
+            if _is_row(row := read_json(path)):
+                rows[key] = row
     return rows
 
 
-def _is_row(content: object) -> bool:
+def _is_row(content: Row) -> bool:
     """Return whether a file holds what ``write_row`` writes: an outcome, and single values of the columns' types."""
-    if not isinstance(content, dict) or not isinstance(content.get("succeeded"), bool) or "error" not in content:
+    if not isinstance(content.get("succeeded"), bool) or "error" not in content:
         return False
     return all(
         value is None or isinstance(value, str if name in TEXT_COLUMNS else int | float)

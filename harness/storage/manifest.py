@@ -79,10 +79,9 @@ def sha256_of(path: Path) -> str:
 def manifest_of(folder: Path) -> dict[str, Any]:
     """Return the manifest of a grid; empty where it has none: a baseline may be a table of runs alone."""
     try:
-        manifest = read_json(folder / "manifest.json")
+        return read_json(folder / "manifest.json")
     except (OSError, ValueError):
         return {}
-    return manifest if isinstance(manifest, dict) else {}
 
 
 def hashes_of(folder: Path) -> dict[str, str]:

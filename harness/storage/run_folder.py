@@ -7,7 +7,6 @@ import os
 import platform
 import re
 import shutil
-import tomllib
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -22,9 +21,9 @@ from harness.common.bounds import PLACE_M, Numbers, check_columns
 from harness.common.errors import InputError, RunError
 from harness.common.files import write_text, writing
 from harness.common.isolation import ProcessLimits, isolated
-from harness.common.untrusted_files import check_file, read_json, read_text
+from harness.common.untrusted_files import check_file, read_json, read_toml, reading
 from harness.storage import ownership
-from harness.storage.checks import AGAIN, DAMAGE, Until, check_kinds, read_parquet
+from harness.storage.checks import AGAIN, Until, check_kinds, read_parquet
 from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.manifest import manifest_of
@@ -168,7 +167,7 @@ def read_manifest(folder: Path, parameter: str, *, ended: bool = True) -> dict[s
         manifest = read_json(folder / MANIFEST, parameter)
     except (OSError, ValueError):
         raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
-    if not isinstance(manifest, dict) or (ended and manifest.get("status") != COMPLETE):
+    if ended and manifest.get("status") != COMPLETE:
         raise InputError(
             f"`{parameter}`: the run in {folder} did not end, so that it has no scores; run it again, or score its "
             f"finished steps: `python -m harness score --truth {folder} --tracks {folder}`"
@@ -182,13 +181,8 @@ def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: It is missing or broken.
     """
-    try:
-        metrics = read_json(folder / METRICS, parameter)
-        if not isinstance(metrics, dict):
-            raise ValueError("it is no table")
-    except (OSError, ValueError):
-        raise InputError(f"`{parameter}`: {folder / METRICS} is missing or broken; make the run again") from None
-    return metrics
+    with reading(f"`{parameter}`: {folder / METRICS}", "scores of a run"):
+        return read_json(folder / METRICS, parameter)
 
 
 def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
@@ -197,10 +191,7 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: It can't be read.
     """
-    try:
-        return tomllib.loads(read_text(folder / CONFIG, parameter))
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"`{parameter}`: {folder / CONFIG} is missing or broken ({error})") from None
+    return read_toml(folder / CONFIG, parameter)
 
 
 def read_table(
@@ -265,7 +256,7 @@ def read_road(path: Path, parameter: str) -> Road:
 
 
 def _road(path: Path, parameter: str) -> Road:
-    try:
+    with reading(f"`{parameter}`: {path}", "road of a run"):
         fields = json.loads(path.read_bytes())
         road = CorridorRoad(
             lanes=tuple(Lane(**lane) for lane in fields["lanes"]),
@@ -284,8 +275,6 @@ def _road(path: Path, parameter: str) -> Road:
         if replace(road, section_m=CorridorRoad.section_m) != CorridorRoad(lanes=()):
             raise ValueError("beside a graph of lanes its frame must be the plane")
         return LaneGraphRoad(graph_of(fields["graph"]), road.section_m, walls_xy)
-    except (*DAMAGE, OSError, RecursionError) as error:
-        raise InputError(f"`{parameter}`: {path} is missing or broken ({error})") from None
 
 
 def _check_frame(road: CorridorRoad) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import inspect
-import mmap
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -17,6 +15,7 @@ from harness.common.error_text import what_it_raised
 from harness.common.errors import RunError
 from harness.common.exit_codes import INTERNAL
 from harness.common.signals import told_to_end
+from harness.common.streams import streams_kept
 from mmpf.tracks import TRACK_STATES, Tracks
 
 MOST_TRACKS = 10_000
@@ -29,8 +28,10 @@ BOUNDS = {
     "existence": (0.0, 1.0), "state": (0, len(TRACK_STATES) - 1),
 }  # fmt: skip
 MAY_BE_UNKNOWN = frozenset({"speed_mps", "lat_speed_mps", "accel_mps2", "std_speed_mps"})
-TOLD_OF_FORK = mmap.mmap(-1, 1)
-"""Shared with forks, so that only the first tells: a tracker may fork at every step."""
+FIRST_FORK, _first = os.pipe()
+"""Holds one byte. The fork that reads it is the one that tells: a tracker may fork at every step."""
+os.write(_first, b"1")
+os.close(_first)
 
 
 @contextmanager
@@ -42,18 +43,18 @@ def blamed_on(tracker: object, when: str) -> Iterator[None]:
     """
     owner = os.getpid()
     try:
-        yield
+        with streams_kept():
+            yield
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt | RunError) or told_to_end():
             raise
         raise RunError(f"the tracker {described(tracker)} failed {when}: {what_it_raised(error)}") from error
     finally:
         if os.getpid() != owner:
-            if not TOLD_OF_FORK[0]:
-                TOLD_OF_FORK[0] = 1
-                line = f"the tracker {described(tracker)} has forked this process {when}; the copy ends here\n"
-                sys.stderr.write(line)  # in one piece with its end, so that no other process writes in between
-                sys.stderr.flush()
+            if os.read(FIRST_FORK, 1):
+                # In one piece with its end, so that no other process writes in between.
+                told = f"the tracker {described(tracker)} has forked this process {when}; the copy ends here\n"
+                os.write(2, told.encode())
             os._exit(INTERNAL)
 
 

@@ -17,7 +17,7 @@ from harness.lab.fidelity.fields import Fields
 from harness.lab.fidelity.samples import VehicleStatistics, recorded_samples, recording_files
 from harness.lab.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network
-from harness.truth.network.networkfile import read_toml
+from harness.truth.network.networkfile import file_of
 
 PART_S = 300.0
 MEASURED_COMMENT = "Made from recordings by `python -m harness calibrate --fields ... --recordings ... --write`."
@@ -81,7 +81,7 @@ def read_measured(network: Network) -> MeasuredSite:
     path = network.measured_file
     if path is None:
         raise InputError(f"`net` {network.name}: it has no measured_file in its network.toml to be compared with")
-    return read_toml(path, MeasuredSite)
+    return file_of(path, MeasuredSite)
 
 
 def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:

@@ -25,8 +25,8 @@ from harness.truth.network.networkfile import (
     CalibrationFile,
     DemandFile,
     PlaneNetworkFile,
+    file_of,
     read_network_file,
-    read_toml,
 )
 from harness.truth.network.sumocfg import SumoInputs, read_sumocfg
 from mmpf.map.corridor_road import CorridorRoad
@@ -254,7 +254,7 @@ def _from_metadata(folder: Path, name: str) -> Network:
     drivers, demands = content.drivers or Drivers(), content.demands
     calibrated_names: tuple[str, ...] = ()
     if calibration_file is not None and calibration_file.is_file():
-        calibrated = read_toml(calibration_file, CalibrationFile)
+        calibrated = file_of(calibration_file, CalibrationFile)
         drivers, demands = calibrated.drivers, {**demands, **calibrated.demands}
         calibrated_names = tuple(calibrated.demands)
     if content.default_demand is not None and content.default_demand not in demands:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -11,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from harness.common.bounds import Numbers, row_number
 from harness.common.error_text import first_problem
 from harness.common.errors import InputError
-from harness.common.untrusted_files import read_text
+from harness.common.untrusted_files import read_toml
 from harness.storage.schema import DENSITY_RANGE
 from harness.truth.network.demand import Drivers
 from mmpf.options.base import WithoutTruthValues
@@ -123,13 +122,13 @@ class CalibrationFile(WithoutTruthValues):
     demands: dict[str, DemandFile]
 
 
-def read_toml(path: Path, kind: type[_File]) -> _File:
+def file_of(path: Path, kind: type[_File]) -> _File:
     """Read a TOML file of a network's folder.
 
     Raises:
         InputError: It can't be read, or an entry is wrong.
     """
-    content = _toml(path)
+    content = read_toml(path, "net")
     try:
         return kind.model_validate(content)
     except ValidationError as error:
@@ -143,13 +142,6 @@ def read_network_file(path: Path) -> NetworkFile | PlaneNetworkFile:
     Raises:
         InputError: It can't be read, or an entry is wrong.
     """
-    if "kind" in _toml(path):
-        return read_toml(path, PlaneNetworkFile)
-    return read_toml(path, NetworkFile)
-
-
-def _toml(path: Path) -> dict[str, object]:
-    try:
-        return tomllib.loads(read_text(path, "net"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
+    if "kind" in read_toml(path, "net"):
+        return file_of(path, PlaneNetworkFile)
+    return file_of(path, NetworkFile)

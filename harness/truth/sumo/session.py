@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
 from harness.common.errors import InputError, RunError, SumoError
+from harness.common.streams import streams_kept
 from harness.truth.sumo.window import STDERR, SumoWindow, first_error, open_window, written
 
 FIRST_VEHICLE_WITHIN_S = 900.0
@@ -135,19 +135,11 @@ def _one_line(error: Exception) -> str:
 @contextmanager
 def _silent_native_streams(complaints: Path | None = None) -> Iterator[None]:
     """Keep what C++ writes off the streams; the file ``complaints`` takes what goes to standard error."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved = os.dup(1), os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     told = nowhere if complaints is None else os.open(complaints, os.O_WRONLY | os.O_CREAT, 0o600)
-    try:
+    with streams_kept():
         os.dup2(nowhere, 1)
         os.dup2(told, 2)
-        yield
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os.dup2(saved[0], 1)
-        os.dup2(saved[1], 2)
-        for descriptor in {*saved, nowhere, told}:
+        for descriptor in {nowhere, told}:
             os.close(descriptor)
+        yield

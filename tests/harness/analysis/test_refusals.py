@@ -210,7 +210,7 @@ def test_a_folder_that_holds_no_grid_or_run_is_told_why(tmp_path):
     for number, content in enumerate(("no", "{}", '{"vary": 3}')):
         folder = grid_folder(tmp_path / str(number))
         (folder / "grid.json").write_text(content)
-        assert f"{folder / 'grid.json'} is missing or broken" in unopened(folder)
+        assert f"{folder / 'grid.json'}: broken, or no list" in unopened(folder)
     table = rows().drop(columns="label")
     spoilt = {
         "has no rows": table.iloc[:0],
@@ -235,7 +235,7 @@ def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
     metrics = tmp_path / "metrics.json"
     for content in ("no", "[]", "{}", '{"run": 5}', *(json.dumps({"run": _without(key)}) for key in RUN)):
         metrics.write_text(content)
-        assert f"{metrics} is " in unopened(tmp_path)
+        assert str(metrics) in unopened(tmp_path)
     metrics.write_text(json.dumps({"run": RUN, "mot": {"hota": 80.0}}))
     found = open_source(str(tmp_path), "baseline")
     assert (found.name, found.folder, found.failed, found.is_run, found.axes) == (str(tmp_path), tmp_path, 0, True, ())

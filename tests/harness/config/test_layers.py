@@ -51,7 +51,7 @@ def test_unknown_key_is_told_with_its_nearest(tmp_path):
 def test_broken_toml_is_told_with_its_file(tmp_path, text):
     file = tmp_path / "broken.toml"
     file.write_text(text)
-    with pytest.raises(InputError, match=r"`config`: .*broken\.toml is not valid TOML"):
+    with pytest.raises(InputError, match=r"`config`: .*broken\.toml: broken, or no TOML file"):
         resolve_run_config(file)
 
 

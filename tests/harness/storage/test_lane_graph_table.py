@@ -59,7 +59,7 @@ def test_a_broken_graph_is_one_clear_line(written, column, value):
     fields = json.loads(written.read_text())
     fields["graph"][column] = value
     written.write_text(json.dumps(fields))
-    with pytest.raises(InputError, match=r"`replay`: .*road\.json is missing or broken"):
+    with pytest.raises(InputError, match=r"`replay`: .*road\.json: broken, or no road"):
         read_road(written, "replay")
 
 

@@ -171,7 +171,7 @@ def test_a_truncated_table_is_told(tmp_path):
     whole = path.read_bytes()
     for length in (0, 3, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:length])
-        with pytest.raises(InputError, match=r"t\.parquet is truncated"):
+        with pytest.raises(InputError, match=r"t\.parquet: broken, or no table of a run"):
             runfolder.read_table(tmp_path, "t.parquet", "replay", ["a"])
     path.unlink()
     with pytest.raises(InputError, match=r"t\.parquet is missing"):

@@ -40,7 +40,7 @@ STEPS = {
     "raise BrokenPipeError": "BrokenPipeError",
     "raise MemoryError": "MemoryError",
     "raise type('E', (Exception,), {'__str__': lambda error: 1 / 0})": "E: it has no text, bad.py line 11",
-    "if os.fork() == 0: return one()": "has forked this process at 0 s",
+    "if os.fork() == 0: return one()": "has forked this process at 0",
     "return one(std_lat_m=0.0)": "std_lat_m holds 0",
     "return one(std_speed_mps=-3.0)": "std_speed_mps holds -3",
     "return one(track_id=1.5)": "track_id is float64, not whole numbers",
@@ -73,6 +73,13 @@ def test_what_a_tracker_does_in_a_step_is_one_line_with_its_file_and_line(step, 
     assert not list(tmp_path.glob(".out*"))
 
 
+@pytest.mark.parametrize(("where", "does"), [("step", "os.close(1)"), ("make", "sys.stdout = sys.stderr = None")])
+def test_what_a_tracker_does_to_the_streams_has_no_effect(where, does, tmp_path, scene):
+    process = started(tmp_path, scene, **{"step": "pass", where: does}, name="bad:make")
+    assert process.communicate(timeout=120)[1] == ""
+    assert process.returncode == 0
+
+
 LEAVES = "pass\nsys.exit(0)\ndef other():\n    pass"
 
 
@@ -93,8 +100,8 @@ def test_a_tracker_changes_neither_what_is_recorded_nor_the_road_that_is_scored(
     assert (scene / "road.json").read_text() == (tmp_path / "out" / "road.json").read_text()
 
 
-def started(folder, scene, step, name):
-    (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make="pass"))
+def started(folder, scene, step, name, make="pass"):
+    (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make=make))
     install(folder, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
     words = ["run", "--replay", str(scene), "--tracker", name, "--quiet", "--out", str(folder / "out")]
     paths = os.pathsep.join((str(folder), *filter(None, sys.path)))

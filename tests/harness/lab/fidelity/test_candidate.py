@@ -17,7 +17,7 @@ from harness.lab.fidelity.candidate import (
 from harness.lab.fidelity.measured import MeasuredVehicles, read_measured
 from harness.lab.fidelity.samples import VehicleStatistics
 from harness.truth.network.network import load_network
-from harness.truth.network.networkfile import CalibrationFile, read_toml
+from harness.truth.network.networkfile import CalibrationFile, file_of
 
 NAMES = ("us101-0750", "us101-0805", "us101-0820")
 
@@ -159,4 +159,4 @@ def test_a_calibration_without_assertiveness_leaves_the_vehicle_types_their_own(
     plain = replace(candidate, drivers=candidate.drivers.model_copy(update={"assertiveness": None}))
     assert "assertiveness" not in as_table(plain)["drivers"]
     write_candidate(tmp_path / "calibration.toml", plain)
-    assert read_toml(tmp_path / "calibration.toml", CalibrationFile).drivers == plain.drivers
+    assert file_of(tmp_path / "calibration.toml", CalibrationFile).drivers == plain.drivers

@@ -1,0 +1,46 @@
+"""Keeps this process's standard streams while external code or a library has the floor."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TextIO
+
+
+def open_missing_streams() -> None:
+    """Open as nowhere what is closed of stdin, stdout and stderr, as some schedulers start programs."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(number, True)
+    os.close(number)
+    sys.stdout, sys.stderr = sys.stdout or _text_of(1), sys.stderr or _text_of(2)
+
+
+@contextmanager
+def streams_kept() -> Iterator[None]:
+    """Put stdout and stderr back as they were, whatever is done to them in the block.
+
+    The block may lead their descriptors elsewhere: what was written before is flushed, and what it writes in it too.
+    """
+    kept = [(number, name, getattr(sys, name), os.dup(number)) for number, name in ((1, "stdout"), (2, "stderr"))]
+    for _, _, stream, _ in kept:
+        _flush(stream)
+    try:
+        yield
+    finally:
+        for number, name, stream, copy in kept:
+            _flush(stream)
+            with suppress(OSError):  # the copy was closed
+                os.dup2(copy, number)
+                os.close(copy)
+            setattr(sys, name, _text_of(number) if getattr(stream, "closed", False) else stream)
+
+
+def _text_of(number: int) -> TextIO:
+    return open(number, "w", encoding="utf-8", closefd=False)
+
+
+def _flush(stream: TextIO | None) -> None:
+    with suppress(AttributeError, OSError, ValueError):  # there is none, its reader is gone, or it is closed
+        stream.flush()  # type: ignore[union-attr]
