@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
@@ -96,9 +97,11 @@ def print_result(
         lines += [f"Means over seeds, by {name}:", "", *markdown_table(headings, rows), ""]
     lines += [f"- {line}" for line in (*map(break_sentence, broken), *(f"failed: {each}" for each in failures[:10]))]
     labels = list(dict.fromkeys(point.label for point in points))
-    pair = " ".join(shlex.quote(f"{place}@{label}") for label in labels[:2])
-    paired = ["", f"Verdict between two, seed by seed: python -m harness compare {pair}"] if len(labels) > 1 else []
-    show_markdown("\n".join([*lines, "", HOTA_NOTE, *paired, "", f"Results: {place}"]), on_stderr=True)
+    show_markdown("\n".join([*lines, "", HOTA_NOTE, "", f"Results: {place}"]), on_stderr=True)
+    if len(labels) > 1:
+        # Not wrapped, so that it can be copied.
+        pair = " ".join(shlex.quote(f"{place}@{label}") for label in labels[:2])
+        sys.stderr.write(f"For verdicts on two of them, run: python -m harness compare {pair}\n")
 
 
 HOTA_NOTE = (

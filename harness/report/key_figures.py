@@ -81,7 +81,8 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
     plain, noise = metrics.get("in_plain_view") or {}, metrics.get("detection_noise") or {}
     occlusion, step_ms = metrics["occlusion"], metrics["timing"]["tracker_ms"]
     events, kept = occlusion["events"] or 0, occlusion["same_id"] or 0
-    coasting = f"{coasting_m.mean():.2f} m: constant velocity from the truth when last seen" if len(coasting_m) else ""
+    told = "constant velocity from the true state when last seen"
+    coasting = f"{coasting_m.mean():.2f} m: {told}" if len(coasting_m) else ""
     coverage = metrics["calibration"]
     samples = coverage.get("n") or 0
     within = number(coverage["coverage95"]["lon"], 0, " %")

@@ -82,9 +82,11 @@ def test_on_eighty_columns_no_number_is_cut_and_the_trackers_stand_beside_each_p
     monkeypatch.setenv("COLUMNS", "80")
     made = points(labels=("my_kf:HungarianKalman", "mmpf gmm"))
     print_result("Title", made, [], [], "results/x")
-    shown = capsys.readouterr().err
+    *lines, command = capsys.readouterr().err.splitlines()
+    assert command.endswith("compare results/x@my_kf:HungarianKalman 'results/x@mmpf gmm'"), "it can be copied whole"
+    shown = "\n".join(lines)
     assert "…" not in shown
-    assert max(map(len, shown.splitlines())) <= 80
+    assert max(map(len, lines)) <= 80
     decimals = {each.key: each.decimals for each in curve_quantities()}
     means = [f"{point.mean:.{decimals[point.metric]}f}" for point in made if point.metric in decimals]
     assert set(means) <= set(shown.split())
