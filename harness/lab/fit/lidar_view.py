@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.feather
-from scipy.stats import rankdata
+from sklearn.metrics import roc_auc_score
 
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
 from harness.sensor.visibility import visible_fractions
 from harness.truth.recorded.detected.av2 import ANNOTATIONS, RECORDING_CAR, VEHICLES, WITH_EGO, argoverse_logs
 from harness.truth.recorded.logs import heading_of
-from mmpf.numerics.arrays import BoolArray, FloatArray, turned, wrapped
+from mmpf.numerics.arrays import FloatArray, turned, wrapped
 
 LIDAR_HEIGHT_M = 1.64
 """How high the lidars are above the origin of Argoverse 2's recording car."""
@@ -32,18 +32,6 @@ RAYS = 15
 FEWEST_POINTS = 3
 RINGS_M = ((0.0, 30.0), (30.0, 60.0), (0.0, 60.0), (60.0, 100.0))
 KINDS = ("visible fraction", "expected points", "solid angle")
-
-
-def area_under_curve(value: FloatArray, met: BoolArray) -> float:
-    """Return the probability that a value of those met exceeds one of the others, ties counting half (Mann-Whitney).
-
-    Args:
-        value: Values, shape (n,).
-        met: Whose they are, shape (n,); nan where all are alike.
-    """
-    true, false = int(met.sum()), int((~met).sum())
-    above = float(rankdata(value)[met].sum()) - true * (true + 1) / 2
-    return above / (true * false) if true and false else float("nan")
 
 
 @dataclass(frozen=True)
@@ -120,7 +108,8 @@ def main(logs: Path) -> str:
     for nearest, farthest in RINGS_M:
         inside = (away_m >= nearest) & (away_m < farthest)
         hits = met[inside] > 0.0
-        areas = [f"{area_under_curve(value[inside], hits):.3f}" for value in values]
+        both = 0 < hits.sum() < len(hits)
+        areas = [f"{roc_auc_score(hits, value[inside]):.3f}" if both else "nan" for value in values]
         rows.append([f"{nearest:g} to {farthest:g} m", str(inside.sum()), f"{100 * hits.mean():.0f}", *areas])
     return "\n".join(markdown_table(["distance", "vehicle-steps", "met, %", *KINDS], rows))
 
