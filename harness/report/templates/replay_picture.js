@@ -45,8 +45,8 @@ function drawPane(pane, side) {
   if (shown.particles && pane.data.particles) drawParticles(pen, camera);
   if (shown.detections) drawDetections(pen, camera);
   if (shown.tracks && shown.arrows) drawArrows(pen, camera);
-  if (shown.tracks) drawTracks(pen, camera);
   drawFollowed(pen, camera);
+  if (shown.tracks) drawTracks(pen, camera);
   nameMarks(pen, camera, marks);
   drawScale(pen, camera);
 }
