@@ -144,9 +144,12 @@ def many_annotations(path: Path) -> None:
 
 
 def network(word: str, code: int = 2, **files: str) -> Input:
+    """Return a network of one's own, in whose files ``FOLDER`` stands for the folder."""
+
     def make(folder: Path) -> list[str]:
         (folder / "victim").write_text("precious")
-        return ["run", "--net", own(folder, **files), *ECHO]
+        here = {name: text.replace("FOLDER", str(folder)) for name, text in files.items()}
+        return ["run", "--net", own(folder, **here), *ECHO]
 
     return Input(make, word, code)
 
@@ -294,6 +297,8 @@ INPUTS: dict[str, Input] = {
     "edge data in the net [sec02]": network("crashed", net=within_net('<edgeData id="d" freq="1" file="victim"/>')),
     "a probe in the net [sec04]": network("", 0, net=within_net(PROBE), routes=AT_ONCE),
     "a probe [net25]": network("", 0, additional=f"<a>{PROBE}</a>", routes=AT_ONCE),
+    "a probe by a full path": network("--net", additional=f"<a>{PROBE.replace('victim', 'FOLDER/victim')}</a>"),
+    "a detector beside the net": network("", 0, additional=f"<a>{LOOP}</a>", routes=AT_ONCE),
     "a probe among the types [sec06]": network_folder(PROBE, "", 0),
     "a device that logs [net44]": network(
         "", 0, routes=AT_ONCE.replace("<route ", SSM).replace("<flow ", '<flow type="t" ')
@@ -377,5 +382,5 @@ def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(nam
 
 
 def test_all_91_of_the_first_attack_are_here():
-    # Eight rows are of later attacks; nine of the 91 are rows of ``test_wrong_arguments``.
-    assert len(INPUTS) - 8 + 9 == 91
+    # Ten rows are of later attacks; nine of the 91 are rows of ``test_wrong_arguments``.
+    assert len(INPUTS) - 10 + 9 == 91

@@ -155,46 +155,6 @@ def test_nothing_but_inputs_and_behaviour_is_taken_from_a_configuration(tmp_path
     assert set(tmp_path.iterdir()) == before
 
 
-def run_on(path: str, folder: Path) -> int:
-    command = ["run", "--net", path, "--duration", "1", "--out", str(folder / "run"), "--quiet"]
-    return run_command_line([*command, "--tracker", "tests.harness.stand_ins:echo_tracker"])
-
-
-WRITERS = {
-    "detector": '<inductionLoop id="d" lane="upstream_1" pos="10" period="1" {}/>',
-    "types": '<vTypeProbe id="p" period="1" {}/>',
-    "edges": '<edgeData id="e" freq="1" {}/>',
-}
-
-
-@pytest.mark.parametrize(
-    ("within", "writer", "where"),
-    [
-        ("net", "detector", 'file="{}/victim"'), ("net", "edges", 'file="victim"'),
-        ("additional", "types", 'file="{}/victim"'), ("additional", "detector", 'file="victim"'),
-    ],
-)  # fmt: skip
-def test_no_element_of_any_file_writes_outside_of_the_run(within, writer, where, tmp_path, monkeypatch, capsys):
-    working = tmp_path / "working"
-    working.mkdir()
-    monkeypatch.chdir(working)
-    victims = [folder / "victim" for folder in (tmp_path, working)]
-    for victim in victims:
-        victim.write_text("precious")
-    element = WRITERS[writer].format(where.format(tmp_path))
-    files = (
-        {"net": NET.replace("</net>", f"{element}</net>")} if within == "net" else {"additional": f"<a>{element}</a>"}
-    )
-    before = sorted(tmp_path.rglob("*"))
-    code = run_on(own(tmp_path, routes=VEHICLES.replace('number="3"', 'number="40"'), **files), tmp_path)
-    told = capsys.readouterr().err
-    assert code in (0, 2), told
-    assert len(told.splitlines()) == (code == 2)
-    assert [victim.read_text() for victim in victims] == ["precious", "precious"]
-    after = {path for path in tmp_path.rglob("*") if not path.is_relative_to(tmp_path / "run")}
-    assert {path.name for path in after - set(before)} <= {"own.net.xml", "own.rou.xml", "own.sumocfg", "own.add.xml"}
-
-
 @pytest.mark.parametrize("value", ["a;b", "../../x", "/tmp/file", "$(id)", "x" * 100, "1,2"])
 def test_a_value_of_behaviour_is_a_plain_word(value, tmp_path):
     with pytest.raises(InputError, match="time-to-teleport"):
