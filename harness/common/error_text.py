@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 from pydantic import ValidationError
@@ -15,6 +16,7 @@ from pydantic import ValidationError
 from harness.common.errors import RunError
 
 MOST_NAMED = 8
+PACKAGES = {"harness", "mmpf"}
 
 
 def nearest(key: str, known: Sequence[str]) -> str:
@@ -68,6 +70,17 @@ def what_it_raised(error: BaseException) -> str:
     with suppress(Exception):
         text = str(error)
     return " ".join(f"{type(error).__name__}: {text}{place}".split())
+
+
+def is_own_fault(error: BaseException) -> bool:
+    """Return whether an exception is a fault of this program's code: no content of a file raises such a one there."""
+    *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+    if frame.f_globals.get("__name__", "").partition(".")[0] not in PACKAGES:
+        return False
+    if isinstance(error, AttributeError):
+        kind = error.obj if isinstance(error.obj, type | ModuleType) else type(error.obj)
+        return getattr(kind, "__module__", kind.__name__).partition(".")[0] in PACKAGES
+    return isinstance(error, NameError | ImportError | AssertionError | NotImplementedError)
 
 
 def in_words(error: BaseException) -> str:

@@ -25,7 +25,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, NoReturn, TypeVar
 
-from harness.common.error_text import what_it_raised
+from harness.common.error_text import is_own_fault, what_it_raised
 from harness.common.errors import InputError, RunError
 
 T = TypeVar("T")
@@ -43,6 +43,7 @@ LONGEST_SILENCE = 5.0
 SENT, DONE, PLACE, MOST_SAID, FIRST_WITH_NET = "sent", "done", "\0place", 300, 4
 SIGN_OF_LIFE_EVERY_S = 1.0
 LARGE_BYTES = 1 << 16
+ERRORS: dict[str, type[Exception]] = {one.__name__: one for one in (InputError, RunError, RuntimeError)}
 _within: ContextVar[bool] = ContextVar("_within", default=False)
 
 
@@ -71,8 +72,9 @@ def isolated(work: Callable[[], T], place: str, limits: ProcessLimits = ProcessL
     """Return what work returns, such that ``pickle`` takes it, that is done in a fork without any rights.
 
     Raises:
-        InputError: The work raises anything but a ``RunError``, crashes, or takes too much time or memory.
+        InputError: The work raises anything but these, crashes, or takes too much time or memory.
         RunError: The work raises it.
+        RuntimeError: The work raises what is a fault of this program.
     """
 
     def once(send: Send[tuple[T]]) -> None:
@@ -119,7 +121,7 @@ def streamed(
         while (answer := _next(reading, LONGEST_SILENCE * limits.cpu_s))[0] != DONE:
             kind, content = answer
             if kind != SENT:
-                raise RunError(content) if kind == "RunError" else InputError(content.replace(PLACE, place))
+                raise ERRORS[kind](content.replace(PLACE, place))
             if content is not None:
                 yield content
     except TimeoutError:
@@ -220,19 +222,28 @@ def _work(
         try:
             work(send)
             send(None, DONE)
-        except RunError as error:
-            send(str(error), "RunError")
-        except InputError as error:
-            too_much = "std::bad_alloc" in str(error)
-            send(f"{PLACE}: {_too_much_memory(limits)}; give less" if too_much else str(error), "InputError")
-        except MemoryError:
-            send(f"{PLACE}: {_too_much_memory(limits)}; give less, or what is sound", "InputError")
-        except RecursionError:
-            send(f"{PLACE}: it is nested too deeply; give what is sound", "InputError")
         except Exception as error:
-            send(f"{PLACE}: can't be read: {what_it_raised(error)[:MOST_SAID]}; give what is sound", "InputError")
+            send(*_told_of(error, limits))
     finally:
         os._exit(0)
+
+
+def _told_of(error: Exception, limits: ProcessLimits) -> tuple[str, str]:
+    """Return what a fork tells of an exception, and which error it becomes."""
+    match error:
+        case RunError():
+            return str(error), "RunError"
+        case InputError() if "std::bad_alloc" not in str(error):
+            return str(error), "InputError"
+        case InputError() | MemoryError():
+            why = f"{_too_much_memory(limits)}; give less, or"
+        case RecursionError():
+            why = "it is nested too deeply;"
+        case _ if is_own_fault(error):
+            return what_it_raised(error), "RuntimeError"
+        case _:
+            why = f"can't be read: {what_it_raised(error)[:MOST_SAID]};"
+    return f"{PLACE}: {why} give what is sound", "InputError"
 
 
 def _limit(limits: ProcessLimits, folders: Sequence[Path]) -> None:

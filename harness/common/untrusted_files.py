@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
+from harness.common.error_text import is_own_fault
 from harness.common.errors import InputError
 
 MB = 1 << 20
@@ -105,9 +106,12 @@ def read_json(path: Path, parameter: str | None = None) -> dict[str, Any]:
         ValueError: It is not UTF-8, no table in JSON, or nested too deeply.
     """
     try:
-        return dict(json.loads(read_text(path, parameter)))
-    except (RecursionError, TypeError):
-        raise ValueError("it is no table, or nested too deeply") from None
+        content = json.loads(read_text(path, parameter))
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    if not isinstance(content, dict):
+        raise ValueError("it is no table")
+    return content
 
 
 def read_toml(path: Path, parameter: str) -> dict[str, Any]:
@@ -142,7 +146,7 @@ def number(text: str) -> float:
 
 @contextmanager
 def reading(path: object, what: str) -> Iterator[None]:
-    """Turn whatever fails over a file's content into one line that names the file.
+    """Turn whatever fails over a file's content into one line that names the file; a fault of this program passes.
 
     Args:
         path: The file, after the option that named it if need be.
@@ -153,15 +157,15 @@ def reading(path: object, what: str) -> Iterator[None]:
     """
     try:
         yield
-    except InputError:
+    except (InputError, MemoryError):
         raise
-    except MemoryError:
-        raise InputError(f"{path} needs more memory than is allowed; give less, or what is sound") from None
     except FileNotFoundError:
         raise InputError(f"{path} is missing; it should be the {what}") from None
     except Exception as error:
+        if is_own_fault(error):
+            raise
         told = f"{error} is missing" if isinstance(error, KeyError) else f"{type(error).__name__}: {error}"
-        raise InputError(f"{path}: broken, or no {what}: {' '.join(told.split())[:200]}; mend it") from None
+        raise InputError(f"{path}: broken, or no {what}: {' '.join(told.split())[:200]}; mend it") from error
 
 
 @contextmanager

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.bounds import Numbers, check_numbers
+from harness.common.error_text import is_own_fault
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file, reading
@@ -142,6 +143,8 @@ def sound_tables(folder: Path, parameter: str) -> Iterator[None]:
         with np.errstate(all="ignore"):
             yield
     except DAMAGE as error:
+        if is_own_fault(error):
+            raise
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise InputError(
             f"`{parameter}`: the files in {folder} contradict each other or were changed ({reason}); make the run again"

@@ -76,10 +76,10 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def manifest_of(folder: Path) -> dict[str, Any]:
-    """Return the manifest of a grid; empty where it has none: a baseline may be a table of runs alone."""
+def manifest_of(folder: Path, parameter: str | None = None) -> dict[str, Any]:
+    """Return the manifest of a folder; empty where it has none: a baseline may be a table of runs alone."""
     try:
-        return read_json(folder / "manifest.json")
+        return read_json(folder / "manifest.json", parameter)
     except (OSError, ValueError):
         return {}
 

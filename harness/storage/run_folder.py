@@ -163,10 +163,8 @@ def read_manifest(folder: Path, parameter: str, *, ended: bool = True) -> dict[s
     Raises:
         InputError: The folder is not a run's folder, or the run did not end.
     """
-    try:
-        manifest = read_json(folder / MANIFEST, parameter)
-    except (OSError, ValueError):
-        raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken") from None
+    if not (manifest := manifest_of(folder, parameter)):
+        raise InputError(f"`{parameter}`: {folder} is not a run's folder: {MANIFEST} is missing or broken")
     if ended and manifest.get("status") != COMPLETE:
         raise InputError(
             f"`{parameter}`: the run in {folder} did not end, so that it has no scores; run it again, or score its "
@@ -301,9 +299,7 @@ def _remove_leftovers(parent: Path) -> None:
     remove_stale_locks(parent)
     for folder in parent.glob(".*"):
         name = ours.fullmatch(folder.name)
-        if name is None or _lives(int(name.group(1))):
-            continue
-        if folder.is_symlink() or not folder.is_dir():
+        if name is None or _lives(int(name.group(1))) or folder.is_symlink() or not folder.is_dir():
             continue
         if ".replaced-" in folder.name:
             ownership.remove(folder)
@@ -314,8 +310,6 @@ def _remove_leftovers(parent: Path) -> None:
 def _lives(process: int) -> bool:
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        pass
+    except (OSError, OverflowError) as error:
+        return not isinstance(error, ProcessLookupError)
     return True

@@ -7,10 +7,12 @@ import os
 import socket
 import time
 from pathlib import Path
+from types import FunctionType
 
 import numpy as np
 import pytest
 
+from harness.common import untrusted_files
 from harness.common.errors import InputError, RunError
 from harness.common.isolation import ProcessLimits, isolated, streamed
 
@@ -150,3 +152,22 @@ def test_a_file_with_holes_gives_no_right_to_more_memory(tmp_path):
     with (tmp_path / "holes").open("wb") as file:
         file.truncate(6 << 30)
     assert ProcessLimits.for_files([tmp_path / "holes"]) == ProcessLimits()
+
+
+def test_a_fault_of_the_reader_itself_is_not_told_as_broken_input(monkeypatch, tmp_path):
+    (tmp_path / "a.json").write_text('{"a": 1}')
+
+    def faulty(*_):
+        raise NameError("name 'jsn' is not defined")
+
+    # Within a module of the program, as its own code would raise it.
+    monkeypatch.setattr(untrusted_files, "read_text", FunctionType(faulty.__code__, vars(untrusted_files)))
+    with pytest.raises(RuntimeError, match="NameError: name 'jsn' is not defined"):
+        isolated(lambda: untrusted_files.read_json(tmp_path / "a.json"), "`net`: a.json")
+    with pytest.raises(NameError), untrusted_files.reading(tmp_path, "table"):
+        untrusted_files.read_text(tmp_path)
+    with (
+        pytest.raises(InputError, match="no table: AttributeError"),
+        untrusted_files.reading(tmp_path, "table"),
+    ):
+        None.get("a")
