@@ -99,10 +99,10 @@ def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str)
     Raises:
         InputError: A file was edited, or the manifest can't be read.
     """
-    if not manifest and (folder / "manifest.json").exists():
+    noted = manifest.get(FILES, {})
+    if not isinstance(noted, dict) or (not manifest and (folder / "manifest.json").exists()):
         raise InputError(f"`{parameter}`: {folder / 'manifest.json'} is broken; make the results again")
-    noted = manifest.get(FILES)
-    told = {folder / Path(str(name)).name: digest for name, digest in noted.items()} if isinstance(noted, dict) else {}
+    told = {folder / Path(str(name)).name: digest for name, digest in noted.items()}
     files = [path for path in told if path.is_file()]
 
     def edited() -> list[Path]:
