@@ -56,7 +56,7 @@ def run(tmp_path_factory) -> harness.Run:
         ({"replay": "nosuch"}, "`replay`: .*nosuch"),
         ({"format": "ngsim"}, "`format`"),
         ({"ego": "auto"}, "`ego`"),
-        ({"config": "nosuch.toml"}, "`config`: can't read nosuch.toml"),
+        ({"config": "nosuch.toml"}, "`config`: nosuch.toml is missing"),
         ({"settings": {"sensor.rnge_m": 80}}, "sensor.rnge_m"),
         ({"settings": {"sensor.range_m": object()}}, "`settings`: sensor.range_m"),
         ({"settings": ["nonsense"]}, "`settings`: 'nonsense'"),

@@ -48,7 +48,10 @@ def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
     folder = run(config, out=tmp_path / "run", draw=drawing, open_snapshots=snapshots).folder
     value = json.loads((folder / "metrics.json").read_text())["toy"]["tracks"]
     assert value == len(pd.read_parquet(folder / "tracks.parquet")) / STEPS > 0.0
-    assert f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td></tr>" in (folder / "report.html").read_text()
+    assert (
+        f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td><td>higher</td></tr>"
+        in (folder / "report.html").read_text()
+    )
 
 
 def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a_comparison(tmp_path):
