@@ -157,8 +157,10 @@ def reading(path: object, what: str) -> Iterator[None]:
     """
     try:
         yield
-    except (InputError, MemoryError):
+    except InputError:
         raise
+    except MemoryError:
+        raise InputError(f"{path} needs more memory than is allowed; give less, or what is sound") from None
     except FileNotFoundError:
         raise InputError(f"{path} is missing; it should be the {what}") from None
     except Exception as error:
