@@ -297,6 +297,7 @@ INPUTS: dict[str, Input] = {
     "edge data in the net [sec02]": network("crashed", net=within_net('<edgeData id="d" freq="1" file="victim"/>')),
     "a probe in the net [sec04]": network("", 0, net=within_net(PROBE), routes=AT_ONCE),
     "a probe [net25]": network("", 0, additional=f"<a>{PROBE}</a>", routes=AT_ONCE),
+    "a detector in the net by a full path": network("--net", net=within_net(LOOP.replace("victim", "FOLDER/victim"))),
     "a probe by a full path": network("--net", additional=f"<a>{PROBE.replace('victim', 'FOLDER/victim')}</a>"),
     "a detector beside the net": network("", 0, additional=f"<a>{LOOP}</a>", routes=AT_ONCE),
     "a probe among the types [sec06]": network_folder(PROBE, "", 0),
@@ -382,5 +383,5 @@ def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(nam
 
 
 def test_all_91_of_the_first_attack_are_here():
-    # Ten rows are of later attacks; nine of the 91 are rows of ``test_wrong_arguments``.
-    assert len(INPUTS) - 10 + 9 == 91
+    # Eleven rows are of later attacks; nine of the 91 are rows of ``test_wrong_arguments``.
+    assert len(INPUTS) - 11 + 9 == 91
