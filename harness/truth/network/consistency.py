@@ -14,7 +14,8 @@ import numpy as np
 import shapely
 
 from harness.common.errors import InputError
-from harness.truth.network.polyline import at_shares
+from harness.common.untrusted_files import number_or_nan
+from harness.truth.network.polyline import beside
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.numerics.arrays import FloatArray
 
@@ -33,24 +34,31 @@ NOBODY_WAITS = ("unregulated", "dead_end", "district")
 
 @dataclass
 class NetParts:
-    """What of a network's elements is compared with each other.
+    """What of the elements of a network and its demand is compared with each other.
 
     Attributes:
         edges: Edges by name, paths across junctions left out.
         order: The numbers of each edge's lanes, as they stand in the file.
+        length_m: Each edge's length by what its longest lane tells.
         lanes: The middle line, shape (p, 2), and the width of each lane for road vehicles, metres.
         links: The connections.
         junctions: The junctions, each with the rows of its table of right of way.
         plans: The plans of signals, each with its phases.
+        side: On which side of a lane the next one of its edge lies: 1 for the left, -1 where traffic keeps left.
+        told: What of an element contradicts itself or one before it, a clause each.
     """
 
     edges: dict[str, Attributes] = field(default_factory=dict)
     order: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
+    length_m: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     lanes: dict[str, tuple[FloatArray, float]] = field(default_factory=dict)
     links: list[Attributes] = field(default_factory=list)
     junctions: list[tuple[Attributes, list[Attributes]]] = field(default_factory=list)
     plans: list[tuple[Attributes, list[Attributes]]] = field(default_factory=list)
+    side: int = 1
+    told: list[str] = field(default_factory=list)
     _rows: list[Attributes] = field(default_factory=list)
+    _ends: dict[str, tuple[str, str]] = field(default_factory=dict)
 
     def add(self, element: Element, for_roads: bool) -> None:
         """Keep an element of the file, all of whose children have been added; lanes with whether they are for roads."""
@@ -60,6 +68,9 @@ class NetParts:
         elif tag == "lane":
             edge, _, number = name.rpartition("_")
             self.order[edge].append(number)
+            if attributes.get("index", number) != number and not edge.startswith(":"):  # there netconvert errs
+                self.told.append(f"lane {name[:60]} has the index {attributes['index'][:9]}")
+            self.length_m[edge] = max(self.length_m[edge], float(attributes.get("length", math.inf)))
             if for_roads and (points := _points(attributes)):
                 self.lanes[name] = np.array(points), float(attributes.get("width", USUAL_WIDTH_M))
         elif tag == "connection":
@@ -69,6 +80,17 @@ class NetParts:
         elif tag in ("junction", "tlLogic"):
             (self.junctions if tag == "junction" else self.plans).append((attributes, self._rows))
             self._rows = []
+        elif tag == "net" and attributes.get("lefthand") in ("true", "1"):
+            self.side = -1
+        elif tag == "route":  # one within a vehicle has no name
+            edges = attributes.get("edges", "").split() or [""]
+            self._ends[name] = edges[0], edges[-1]
+        elif tag in ("vehicle", "trip", "flow"):
+            first, last = self._ends.get(attributes.get("route", ""), ("", ""))
+            for key, edge in (("departPos", attributes.get("from", first)), ("arrivalPos", attributes.get("to", last))):
+                if abs(number_or_nan(attributes.get(key, ""))) > (end_m := self.length_m.get(edge, math.inf)):
+                    self.told.append(f"{key} of {tag} {name[:60]} is beyond the {end_m:g} m of edge {edge[:60]}")
+            self._ends.pop("", None)
 
 
 def _points(attributes: Attributes) -> list[list[float]]:
@@ -81,6 +103,7 @@ def contradictions(parts: NetParts, path: Path) -> Iterator[str]:
     Raises:
         InputError: Nobody can get through: connected lanes do not meet, or a plan of signals is red for all.
     """
+    yield from parts.told
     yield from _of_lanes(parts)
     yield from _of_links(parts, path)
     yield from _of_junctions(parts)
@@ -88,15 +111,22 @@ def contradictions(parts: NetParts, path: Path) -> Iterator[str]:
 
 
 def _of_lanes(parts: NetParts) -> Iterator[str]:
-    for edge in parts.edges:
+    at = {its.get("id"): [number_or_nan(its.get(axis, "")) for axis in "xy"] for its, _ in parts.junctions}
+    for edge, its in parts.edges.items():
+        lines = [parts.lanes[name][0] for number in parts.order[edge] if (name := f"{edge}_{number}") in parts.lanes]
+        ends = [(its.get(key), line[end]) for key, end in (("from", 0), ("to", -1)) for line in lines]
+        if any(math.dist(place, at.get(junction, place)) > WIDEST_JUNCTION_M for junction, place in ends):
+            yield f"edge {edge[:60]} is far from its junctions"
         if (numbers := parts.order[edge]) != list(map(str, range(len(numbers)))):
             yield f"the lanes of edge {edge[:60]} are not in order"
         for one, other in pairwise(f"{edge}_{number}" for number in numbers):
             if {one, other} <= parts.lanes.keys():
                 (line, width_m), (next_line, next_width_m) = parts.lanes[one], parts.lanes[other]
-                apart_m = np.hypot(*(at_shares(line, PLACES) - at_shares(next_line, PLACES)).T)
+                apart_m, left_m = beside(line, next_line, PLACES)
                 if np.abs(apart_m - 0.5 * (width_m + next_width_m)).max() > BESIDE_M:
                     yield f"lane {other[:60]} is {apart_m.min():.3g} to {apart_m.max():.3g} m from the one beside it"
+                if parts.side * left_m.mean() < 0.0:
+                    yield f"lane {other[:60]} lies on the wrong side of the one before it: mirrored, or x and y swapped"
 
 
 def _of_links(parts: NetParts, path: Path) -> Iterator[str]:

@@ -21,6 +21,7 @@ from mmpf.numerics.arrays import FloatArray
 SumoNet = Any
 SumoEdge = Any
 SumoLane = Any
+SumoConnection = Any
 
 STRAIGHT_WITHIN_M = 0.05
 ABUTS_WITHIN_M = 1.0

@@ -16,11 +16,11 @@ from harness.common.untrusted_files import reading
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
 from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
 from harness.truth.network.linkcontrol import read_control
-from harness.truth.network.polyline import followers, grid_origin, length_of
+from harness.truth.network.polyline import beside, followers, grid_origin, length_of
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.limits import graph_problem
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 # Whoever drives on roads; lanes of which rails, feet or bicycles alone have the use are none of the graph's.
 ROAD_VEHICLES = frozenset(
@@ -35,6 +35,7 @@ SHORTEST_LANE_M = 0.1
 # Long pieces are divided, since the squares of the plane that a piece may be in are those of its bounding box.
 LONGEST_PIECE_M = 100.0
 DECIMALS = 3
+NEAR_BOTH_ENDS = np.array([0.1, 0.5, 0.9])
 # Types of polygons, as netconvert and polyconvert write them, that stand up from the ground.
 OPAQUE = ("building", "wall", "barrier.wall")
 MOST_WALLS = 200_000
@@ -147,11 +148,7 @@ def _for_road_vehicles(lane: SumoLane) -> bool:
 def _line(lane: SumoLane) -> FloatArray:
     """Return a lane's middle line without repeated points, shape (p, 2); one point of a lane without length."""
     points = np.asarray(lane.getShape(), dtype=np.float64)[:, :2]
-    kept = [points[0]]
-    for point in points[1:]:
-        if np.hypot(*(point - kept[-1])) > SAME_POINT_M:
-            kept.append(point)
-    return np.array(kept)
+    return np.asarray(points[np.append(True, np.hypot(*np.diff(points, axis=0).T) > SAME_POINT_M)])
 
 
 def _after(lanes: dict[str, SumoLane], name: str) -> Iterator[str]:
@@ -165,39 +162,20 @@ def _after(lanes: dict[str, SumoLane], name: str) -> Iterator[str]:
 
 def _neighbours(
     edges: list[SumoEdge], index: dict[str, int], lines: dict[str, FloatArray]
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
+) -> tuple[IntArray, IntArray]:
     """Return the lanes to the left and right of each, by where they lie: SUMO counts otherwise on the left."""
     left, right = np.full(len(index), NOWHERE), np.full(len(index), NOWHERE)
     for edge in {edge.getID(): edge for edge in edges}.values():
-        lanes = edge.getLanes()
-        for one, other in pairwise(lanes):
+        for one, other in pairwise(edge.getLanes()):
             a, b = index.get(one.getID()), index.get(other.getID())
             if a is None or b is None:
                 continue
-            aside = _aside(lines[one.getID()], lines[other.getID()])
+            _, aside = beside(lines[one.getID()], lines[other.getID()], NEAR_BOTH_ENDS)
             apart = 0.5 * (one.getWidth() + other.getWidth())
             if 0.6 * apart <= np.abs(aside).min() and np.abs(aside).max() <= apart + 2.0:
                 lower, upper = (a, b) if aside.mean() > 0.0 else (b, a)
                 left[lower], right[upper] = upper, lower
     return left, right
-
-
-def _aside(line: FloatArray, other: FloatArray) -> FloatArray:
-    """Return how far another line lies to the left of one, metres, at its beginning, middle and end, shape (3,)."""
-    place, direction = _at_shares(line)
-    away = _at_shares(other)[0] - place
-    return np.asarray(direction[:, 0] * away[:, 1] - direction[:, 1] * away[:, 0])
-
-
-def _at_shares(line: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return places at a tenth, half and nine tenths of a line's length, and its directions there, each (3, 2)."""
-    steps = np.diff(line, axis=0)
-    lengths = np.hypot(steps[:, 0], steps[:, 1])
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    wanted = along[-1] * np.array([0.1, 0.5, 0.9])
-    piece = np.minimum(np.searchsorted(along, wanted, side="right") - 1, len(lengths) - 1)
-    place = np.stack([np.interp(wanted, along, line[:, axis]) for axis in (0, 1)], axis=-1)
-    return place, steps[piece] / lengths[piece][:, None]
 
 
 def read_walls(files: Iterable[Path]) -> FloatArray | None:
@@ -220,10 +198,10 @@ def read_walls(files: Iterable[Path]) -> FloatArray | None:
     for file in files:
         with reading(file, "file of polygons"):
             found = polygon.read(str(file))
-        opaque = [each.shape for each in found if str(each.type).startswith(OPAQUE) and len(each.shape) > 1]
-        if not all(np.isfinite(shape).all() for shape in opaque):
-            raise InputError(f"{file}: a polygon has a corner that is not finite")
-        walls.extend(_outline(np.asarray(shape, dtype=np.float64)[:, :2]) for shape in opaque)
+        opaque = [each for each in found if str(each.type).startswith(OPAQUE) and len(each.shape) > 1]
+        if degrees := [each.id for each in opaque if each.geo not in (None, "0", "false")]:
+            raise InputError(f"{file}: the shape of poly {degrees[0][:60]} is in degrees (geo): give it in metres")
+        walls.extend(_outline(np.asarray(each.shape, dtype=np.float64)[:, :2]) for each in opaque)
     if not walls:
         return None
     rows = np.concatenate(walls)

@@ -26,36 +26,38 @@ BEGINS_NUMBER = re.compile(r"\s*((nan|inf|infinity)\s*$|[-+.0-9](?!.*:))", re.IG
 """What a word that means a number begins with; a time of day is none."""
 
 
-def check_xml(path: Path, names_no_place: bool = False) -> list[str]:
-    """Go through an XML file of a network: lanes, vehicle types and flows that no road and no driver has.
+def check_xml(*paths: Path, names_no_place: bool = False) -> list[str]:
+    """Go through the XML files of a network: lanes, vehicle types and flows that no road and no driver has.
 
     Args:
-        path: The file.
-        names_no_place: Whether it may not lead out of its folder, where the kernel can't keep SUMO from writing there.
+        *paths: The files, that of the network first, those of the demand last.
+        names_no_place: Whether none may lead out of its folder, where the kernel can't keep SUMO from writing there.
 
     Returns:
         Of each value that is possible but unusual, what it is and what is usual.
 
     Raises:
-        InputError: It is not well-formed, holds a value beyond what a road or vehicle can have, or its edges and
+        InputError: One is not well-formed, holds a value beyond what a road or vehicle can have, or its edges and
             signals let nobody through.
     """
-    require_file(path, f"`net`: {path.parent}")
-    root: Element | None = None
     parts, unusual = NetParts(), list[str]()
-    with reading(path, "XML"), unpacked(path) as file:
-        for event, element in iterparse(file, events=("start", "end")):
-            root = element if root is None else root
-            if event == "start":
-                continue
-            if names_no_place:
-                _check_names_no_place(element, path)
-            unusual += _check_element(element, path)
-            parts.add(element, element.tag == "lane" and _is_for_roads(element))
-            element.clear()
-            if len(root) > 1000:
-                root.clear()
-        return unusual + list(contradictions(parts, path))
+    for path in paths:
+        require_file(path, f"`net`: {path.parent}")
+        root: Element | None = None
+        with reading(path, "XML"), unpacked(path) as file:
+            for event, element in iterparse(file, events=("start", "end")):
+                root = element if root is None else root
+                if event == "start":
+                    continue
+                if names_no_place:
+                    _check_names_no_place(element, path)
+                unusual += _check_element(element, path)
+                parts.add(element, element.tag == "lane" and _is_for_roads(element))
+                element.clear()
+                if len(root) > 1000:
+                    del root[:]
+    with reading(paths[0], "network"):
+        return unusual + list(contradictions(parts, paths[0]))
 
 
 def _check_names_no_place(element: Element, path: Path) -> None:
@@ -79,7 +81,7 @@ def _check_element(element: Element, path: Path) -> list[str]:
     if element.tag == "vType":
         _check_type(element, path, who)
     for text in filter(None, map(element.get, ("shape", "pos"))):
-        if element.tag in ("lane", "edge", "junction"):
+        if element.tag in ("lane", "edge", "junction", "poly"):
             told += _check_shape(text, element, path, who)
     return told
 

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from harness.truth.network.corridor import SumoLane
+from harness.truth.network.corridor import SumoConnection, SumoLane
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
 from mmpf.numerics.arrays import IntArray
 
 # SUMO's letters for links whose vehicles wait for others: minor roads, stop signs, nobody has right of way.
 YIELDS = frozenset("msw=")
-
-# sumolib carries no types.
-SumoConnection = Any
 
 Junction = tuple[str, int]
 """A junction's name, and a link's number in its table of right of way."""
@@ -62,25 +58,19 @@ def read_control(
 
 
 def _connection(lane: SumoLane, following: str) -> SumoConnection | None:
-    for connection in lane.getOutgoing():
-        if following in (connection.getViaLaneID(), connection.getToLane().getID()):
-            return connection
-    return None
+    ways = ((each, each.getViaLaneID(), each.getToLane().getID()) for each in lane.getOutgoing())
+    return next((connection for connection, *names in ways if following in names), None)
 
 
 def _wait_within(
-    kind: IntArray,
-    foes: dict[int, list[Junction]],
-    names: Sequence[str],
-    successor: IntArray,
-    first_successor: IntArray,
+    kind: IntArray, foes: dict[int, list[Junction]], names: Sequence[str], successor: IntArray, first: IntArray
 ) -> None:
     """Move the links with priority to the link within the junction where vehicles wait, if there is one; in place."""
     for k in list(foes):
         via = successor[k]
         if not names[via].startswith(":"):
             continue
-        for inner in range(first_successor[via], first_successor[via + 1]):
+        for inner in range(first[via], first[via + 1]):
             if kind[inner] == YIELD and names[successor[inner]].startswith(":"):
                 foes[inner] = foes.pop(k)
                 if kind[k] == YIELD:

@@ -98,7 +98,7 @@ class Network:
         """The XML files that SUMO reads."""
         inputs = self.sumo_inputs or SumoInputs(self.net_file, (), (), (), ())
         types = () if self.vehicle_types_file is None else (self.vehicle_types_file,)
-        return tuple(dict.fromkeys((self.net_file, *types, *inputs.route_files, *inputs.additional_files)))
+        return tuple(dict.fromkeys((self.net_file, *types, *inputs.additional_files, *inputs.route_files)))
 
     @property
     def is_shipped(self) -> bool:
@@ -237,7 +237,7 @@ def _from_elsewhere(path: Path, name: str) -> Network:
             f"`net` {path}: the folder needs a {METADATA_FILE} or exactly one .sumocfg file; "
             f"it has {len(configurations)} of the latter"
         )
-    network = replace(network, unusual=tuple(told for file in network.files for told in check_xml(file)))
+    network = replace(network, unusual=tuple(check_xml(*network.files)))
     # The road has walls, which are from elsewhere too.
     if isinstance(network.road, LaneGraphRoad) and (crossed := lanes_under_walls(network.road)):
         network = replace(network, unusual=(f"buildings stand on {crossed} of its lanes", *network.unusual))

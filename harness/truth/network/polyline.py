@@ -47,6 +47,14 @@ def at_shares(line: FloatArray, shares: FloatArray) -> FloatArray:
     return np.column_stack([np.interp(shares, along, line[:, 0]), np.interp(shares, along, line[:, 1])])
 
 
+def beside(line: FloatArray, other: FloatArray, shares: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how far another line lies from one, and to the left of it, at shares of their lengths, each (k,)."""
+    ahead = at_shares(line, shares + 1e-3) - at_shares(line, shares - 1e-3)
+    away = at_shares(other, shares) - at_shares(line, shares)
+    left = (ahead[:, 0] * away[:, 1] - ahead[:, 1] * away[:, 0]) / np.maximum(np.hypot(*ahead.T), 1e-9)
+    return np.hypot(*away.T), left
+
+
 def grid_origin(low_xy: FloatArray, grid_m: float = 1000.0) -> FloatArray:
     """Return the whole kilometres below a place, from where places are counted shape (2,)."""
     # Adding zero turns -0.0 into 0.0.

@@ -11,14 +11,15 @@ import shapely
 from shapely.ops import substring
 
 from harness.common.errors import InputError
-from harness.truth.network.polyline import at_shares, followers, grid_origin, length_of
+from harness.truth.network.lanegraph import DECIMALS, LONGEST_PIECE_M, NEAR_BOTH_ENDS, SAME_POINT_M, SHORTEST_LANE_M
+from harness.truth.network.polyline import beside, followers, grid_origin, length_of
 from harness.truth.recorded.lanelets import Lanelet, road_from_lanelets
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE, LaneGraph
 from mmpf.map.limits import graph_problem
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 
 # On one road lanelets lead one way to within this angle, but for a small share of their length, as of a drawn hook.
 ONE_WAY_RAD, MOST_ASIDE = np.deg2rad(20.0), 0.05
@@ -26,15 +27,9 @@ ONE_WAY_RAD, MOST_ASIDE = np.deg2rad(20.0), 0.05
 PIECE_M = 20.0
 # Kinds of lanelets that no car drives on.
 NOT_FOR_CARS = frozenset({"crosswalk", "sidewalk", "bicycleLane"})
-SHORTEST_LANE_M, NARROWEST_LANE_M, SAME_POINT_M = 0.1, 0.5, 0.01
-STRAIGHT_WITHIN_M = 0.05
-# Long pieces are divided, since the squares of the plane that a piece may be in are those of its bounding box.
-LONGEST_PIECE_M = 100.0
+NARROWEST_LANE_M, STRAIGHT_WITHIN_M = 0.5, 0.05
 # Lanes that meet at their ends do not cross there.
 ENDS_M = 1.0
-DECIMALS = 3
-# Where it is looked whether lanes lie beside each other.
-SHARES = np.array([0.1, 0.5, 0.9])
 
 
 def road_of_lanelets(
@@ -141,7 +136,7 @@ def _beside(chosen: Sequence[Lanelet], neighbours: Sequence[str | None], index: 
             continue
         other = chosen[index[name]]
         apart = 0.5 * (_width(lanelet) + _width(other))
-        away = np.hypot(*(at_shares(lanelet.centre_xy(), SHARES) - at_shares(other.centre_xy(), SHARES)).T)
+        away, _ = beside(lanelet.centre_xy(), other.centre_xy(), NEAR_BOTH_ENDS)
         if 0.6 * apart <= away.min() and away.max() <= apart + 2.0:
             found[k] = index[name]
     return found
@@ -158,9 +153,7 @@ def _crossings(lines: Sequence[FloatArray]) -> list[set[int]]:
     return found
 
 
-def _in_junction(
-    chosen: Sequence[Lanelet], crossed: Sequence[set[int]], follow: Sequence[Sequence[int]]
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _in_junction(chosen: Sequence[Lanelet], crossed: Sequence[set[int]], follow: Sequence[Sequence[int]]) -> BoolArray:
     """Return which lanes lead across a junction, (l,): as the file says, else those that meet or cross others."""
     told = np.array([lanelet.in_junction is not None for lanelet in chosen])
     said = np.array([bool(lanelet.in_junction) for lanelet in chosen])
@@ -193,10 +186,7 @@ def _control(chosen: Sequence[Lanelet], graph: LaneGraph, crossed: Sequence[set[
         elif lanelet.gives_way:
             kind[k] = YIELD
     entering = {int(to): np.flatnonzero(successor == to) for to in np.unique(successor)}
-    ends = [
-        set(graph.successor[graph.first_successor[k] : graph.first_successor[k + 1]].tolist())
-        for k in range(len(graph))
-    ]
+    ends = [set(after.tolist()) for after in np.split(successor, graph.first_successor[1:-1])]
     foes: list[list[int]] = []
     for k in range(len(successor)):
         path = int(successor[k])

@@ -29,8 +29,7 @@ class TrafficApart:
 
         def drive(send: Send[Any]) -> None:
             if not confine(folders):
-                for file in network.files:
-                    check_xml(file, names_no_place=True)
+                check_xml(*network.files, names_no_place=True)
             truth = start(lambda: send(None))
             send((truth.step_s, truth.expected_steps))
             for frame in truth.frames():

@@ -101,6 +101,9 @@ def test_connections_of_edges_that_do_not_meet_and_signals_that_stay_red_are_ref
     [
         ("us101", r"(-450.*)5.490( .*)5.490", r"\g<1>9.490\g<2>9.490", "lane approach_1 is 7.66"),
         ("us101", r"(.*\n)(.*approach_1.*\n)", r"\2\1", "the lanes of edge approach are not in order"),
+        ("us101", 'approach_1" index="1"', 'approach_1" index="0"', "lane approach_1 has the index 0"),
+        ("us101", r'( id="exit".*) x="(\S+)" y="(\S+)"', r'\1 x="\3" y="\2"', "edge outflow is far from its"),
+        ("us101", "<net ", '<net lefthand="true" ', "lane approach_1 lies on the wrong side of the one before it"),
         ("us101", 'fromLane="0" toLane="0"', 'fromLane="0" toLane="3"', "connections from approach to upstream cross"),
         ("us101", 'incLanes="approach_0 ', 'incLanes="', "junction section_start names other lanes"),
         ("us101", '"M"', '"m"', "the states of 1 of 22 connections disagree"),
@@ -115,6 +118,20 @@ def test_elements_of_a_network_that_contradict_each_other_are_told(name, old, ne
     text = (US101.parent / name / f"{name}.net.xml").read_text()
     (tmp_path / "a.net.xml").write_text(re.sub(old, new, text, count=1))
     assert told in "; ".join(check_xml(tmp_path / "a.net.xml"))
+
+
+@pytest.mark.parametrize(
+    ("place", "told"),
+    [
+        ('departPos="410" arrivalPos="-330"', []),
+        ('departPos="410.1"', ["departPos of flow f is beyond the 410 m of edge approach"]),
+        ('arrivalPos="-9999"', ["arrivalPos of flow f is beyond the 330 m of edge outflow"]),
+        ('from="upstream" departPos="410"', ["departPos of flow f is beyond the 228 m of edge upstream"]),
+    ],
+)
+def test_places_beyond_the_end_of_an_edge_to_which_sumo_moves_vehicles_are_told(place, told, tmp_path):
+    (tmp_path / "a.rou.xml").write_text(VEHICLES.replace("<flow ", f"<flow {place} "))
+    assert check_xml(US101 / "us101.net.xml", tmp_path / "a.rou.xml") == told
 
 
 def test_colours_distributions_and_pavements_are_taken_and_what_is_unusual_is_told(tmp_path):

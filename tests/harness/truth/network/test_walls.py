@@ -6,6 +6,7 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.truth.network.lanegraph import read_walls
+from harness.truth.network.limits import check_xml
 
 
 def polygons(folder: Path, content: str) -> Path:
@@ -22,7 +23,8 @@ def test_a_building_has_as_many_walls_as_sides_though_its_outline_is_open(tmp_pa
     assert walls.tolist() == [[0, 0, 10, 0], [10, 0, 10, 5], [10, 5, 0, 5], [0, 5, 0, 0]]
 
 
-@pytest.mark.parametrize("shape", ["0,0 nan,1 2,2", "0,0 1,x"])
-def test_corners_that_are_no_places_are_refused_in_words(tmp_path: Path, shape: str) -> None:
-    with pytest.raises(InputError, match="poly"):
-        read_walls([polygons(tmp_path, f'<poly id="b" type="building" color="red" shape="{shape}"/>')])
+@pytest.mark.parametrize("shape", ["0,0 nan,1 2,2", "0,0 1,x", '8.1,47.2 8.2,47.2 8.2,47.3" geo="1'])
+def test_corners_that_are_no_places_of_the_plane_are_refused_in_words(tmp_path: Path, shape: str) -> None:
+    file = polygons(tmp_path, f'<poly id="b" type="building" color="red" shape="{shape}"/>')
+    with pytest.raises(InputError, match="poly b"):
+        check_xml(file) or read_walls([file])
