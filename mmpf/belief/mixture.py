@@ -90,7 +90,7 @@ class Components:
         track_id: Identity that is reported.
         existence: Probability that there is something that gives detections.
         confirmed: Whether the component is a track.
-        improbable: Whether it is not reported for now even if it is one.
+        improbable: Whether it is probably no vehicle, so that it is not reported although it may be a track.
         hits: Scans in which a detection was attributed to it; ``unseen_s`` is the time since the last.
         age_s: Time since its birth.
         length_m: Estimated length of the vehicle, with its deviation, as of its width.

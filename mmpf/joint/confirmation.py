@@ -42,7 +42,8 @@ def still_confirmed(components: Sources, improbable: BoolArray, options: JointOp
 
 def is_improbable(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
     """Return which components must not be reported, shape (m,); arguments are those of ``to_confirm``."""
-    return np.asarray(~in_path & (components.vehicle_share < options.kinds.withdraw_below))
+    least = np.where(moved_along(components, options), options.kinds.withdraw_moved_below, options.kinds.withdraw_below)
+    return np.asarray(~in_path & (components.vehicle_share < least))
 
 
 def moved_along(components: Sources, options: JointOptions) -> BoolArray:

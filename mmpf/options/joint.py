@@ -78,8 +78,8 @@ class JointKinds(Settings):
 
     weighed: bool = True
     """Whether the filter distinguishes vehicles from false objects; otherwise everything that exists is a vehicle."""
-    moved_s: NotNegative = 1.0
-    """Detected time after which an object that has moved is reported down to the probability ``withdraw_below``."""
+    moved_s: NotNegative = 0.7
+    """Detected time after which an object that has moved is reported down to ``withdraw_moved_below``."""
     largest_log_odds: Positive = 6.0
     """Bound on the log odds between vehicle and false object."""
     score_correlation: Probability = 0.5
@@ -90,6 +90,8 @@ class JointKinds(Settings):
     """Vehicle probability above which a component is reported."""
     withdraw_below: Probability = 0.2
     """Vehicle probability, given existence, below which a component outside the ego's path is not reported."""
+    withdraw_moved_below: Probability = 0.05
+    """The same for an object that has moved: it may be a vehicle that took over the track of a false object."""
 
 
 class JointVehicles(Settings):
