@@ -165,11 +165,7 @@ def _of_the_program(error: BaseException) -> str:
 def application(called: str | None) -> typer.Typer:
     """Build the application with only the called command loaded."""
     application = typer.Typer(
-        help=OVERVIEW,
-        no_args_is_help=False,
-        add_completion=False,
-        rich_markup_mode="rich",
-        invoke_without_command=True,
+        help=OVERVIEW, no_args_is_help=False, add_completion=False, rich_markup_mode="rich", invoke_without_command=True
     )
     application.callback(invoke_without_command=True)(_without_command)
     for panel, commands in PANELS.items():

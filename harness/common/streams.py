@@ -6,7 +6,11 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from fcntl import F_DUPFD_CLOEXEC, fcntl
 from typing import TextIO
+
+HIGH = 64
+"""Copies of streams have higher numbers than code that closes a few descriptors from 0 on reaches."""
 
 
 def open_missing_streams() -> None:
@@ -23,7 +27,7 @@ def streams_kept() -> Iterator[None]:
 
     The block may lead their descriptors elsewhere: what was written before is flushed, and what it writes in it too.
     """
-    kept = [(number, name, getattr(sys, name), os.dup(number)) for number, name in ((1, "stdout"), (2, "stderr"))]
+    kept = [(n, s, getattr(sys, s), fcntl(n, F_DUPFD_CLOEXEC, HIGH)) for n, s in ((1, "stdout"), (2, "stderr"))]
     for _, _, stream, _ in kept:
         _flush(stream)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 import sys
 import traceback
@@ -123,20 +124,22 @@ def run(
         raise
     except (KeyboardInterrupt, Exception) as error:
         stopped = is_interrupt(error)
+        closed = isinstance(error, OSError) and error.errno == errno.EBADF
+        mend = f"see that the tracker {config.tracker.name} closes no file but its own" if closed else "make room"
         if not attempt.steps and (stopped or isinstance(error, RunError | OSError | MemoryError)):
             pending.discard()
             if stopped:
                 raise RunInterruptedError("interrupted before the first step; nothing is kept") from None
             if isinstance(error, RunError):
                 raise
-            raise RunError(f"the run failed before its first step: {in_words(error)}; make room") from error
+            raise RunError(f"the run failed before its first step: {in_words(error)}; {mend}") from error
         status = runfolder.INTERRUPTED if stopped else runfolder.FAILED
         left = _leave(attempt, pending, status, "interrupted by the user" if stopped else traceback.format_exc())
         if stopped:
             raise RunInterruptedError(f"interrupted after {attempt.steps} steps; {left}") from None
         if runfolder.MANIFEST not in left:
             left = left.replace("steps are", f"steps and the traceback ({runfolder.MANIFEST}) are")
-        fix = "; make room" if isinstance(error, OSError | MemoryError) else ""
+        fix = f"; {mend}" if isinstance(error, OSError | MemoryError) else ""
         raise RunError(f"the run failed after {attempt.steps} steps: {in_words(error)}{fix}; {left}") from error
     finally:
         attempt.close()

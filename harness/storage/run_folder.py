@@ -34,14 +34,8 @@ from mmpf.map.limits import lanes_problem
 from mmpf.map.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
-TRUTH, DETECTIONS, TRACKS, ERRORS, EVENTS, DIAGNOSTICS = (
-    "truth.parquet",
-    "detections.parquet",
-    "tracks.parquet",
-    "errors.parquet",
-    "events.parquet",
-    "diagnostics.parquet",
-)
+TRUTH, DETECTIONS, TRACKS = "truth.parquet", "detections.parquet", "tracks.parquet"
+ERRORS, EVENTS, DIAGNOSTICS = "errors.parquet", "events.parquet", "diagnostics.parquet"
 PARTICLES, UNSEEN = "particles.parquet", "unseen.parquet"
 BRAKINGS, COMMANDS = "brakings.parquet", "commands.parquet"
 FIGURES = "figures"

@@ -80,6 +80,13 @@ def test_what_a_tracker_does_to_the_streams_has_no_effect(where, does, tmp_path,
     assert process.returncode == 0
 
 
+@pytest.mark.parametrize("where", ["step", "make"])
+def test_a_tracker_that_closes_files_of_the_run_is_named(where, tmp_path, scene):
+    process = started(tmp_path, scene, **{"step": "pass", where: "os.closerange(0, 60)"}, name="bad:make")
+    assert "bad:make" in process.communicate(timeout=120)[1]
+    assert process.returncode == 3
+
+
 LEAVES = "pass\nsys.exit(0)\ndef other():\n    pass"
 
 
