@@ -14,6 +14,9 @@ MIDDLE = 2.5 * 3.66
 CALM = {"clutter_per_scan": 0.0, "detection_probability": 1.0}
 # Ten cars in plain view, each of them.
 AROUND = [(12.0 * k, side) for k in range(-2, 3) for side in (-7.0, 7.0)]
+# So many cars that few scans give many samples: in plain view too, around the ego and not on lanes.
+RING = [(40.0 * np.cos(angle), 40.0 * np.sin(angle)) for angle in np.arange(36) * np.pi / 18]
+RING_NAMES = [f"car{k}" for k in range(1, 37)]
 
 
 def frame_of(*cars, ego_lon=300.0, heading=0.0, ego_speed=20.0):

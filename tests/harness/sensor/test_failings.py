@@ -13,11 +13,10 @@ from harness.sensor.memory import Chain, next_state
 from harness.sensor.profiles import sensor_settings
 from harness.sensor.returns import _seen_fractions
 from harness.sensor.scene import Scene, sight_to
-from tests.harness.sensor.sensor_scenes import AROUND, CALM, ROAD, film, frame_of
+from tests.harness.sensor.sensor_scenes import CALM, RING, RING_NAMES, ROAD, film, frame_of
 
 STEP_S = 0.1
 pytestmark = pytest.mark.usefixtures("no_shadows")
-NAMES = [f"car{k}" for k in range(1, 11)]
 
 
 def run_lengths(flags):
@@ -40,20 +39,20 @@ def test_a_chain_has_its_share_and_its_mean_run(share, run_s):
 
 
 def test_bursts_take_their_share_of_time_and_last_as_long_as_asked_for():
-    seen = film([frame_of(*AROUND)] * 500, **CALM, burst_share=0.15, burst_s=0.8)
-    missed = np.array([[name not in s.truth_id for name in NAMES] for s in seen])
+    seen = film([frame_of(*RING)] * 150, **CALM, burst_share=0.15, burst_s=0.8)
+    missed = np.array([[name not in s.truth_id for name in RING_NAMES] for s in seen])
     assert missed.mean() == pytest.approx(0.15, abs=0.04)
     lengths = np.concatenate([run_lengths(column) for column in missed.T])
     assert lengths.mean() * STEP_S == pytest.approx(0.8, rel=0.25)
 
 
 def test_runs_of_misses_leave_the_share_of_misses_as_it_is():
-    frame = frame_of(*AROUND)
+    frame = frame_of(*RING)
     single, runs = (
         np.array(
             [
-                [name not in s.truth_id for name in NAMES]
-                for s in film([frame] * 400, clutter_per_scan=0.0, detection_probability=0.8, missed_in_runs=share)
+                [name not in s.truth_id for name in RING_NAMES]
+                for s in film([frame] * 120, clutter_per_scan=0.0, detection_probability=0.8, missed_in_runs=share)
             ]
         )
         for share in (0.0, 0.9)
@@ -65,18 +64,18 @@ def test_runs_of_misses_leave_the_share_of_misses_as_it_is():
 
 def test_a_partly_hidden_or_distant_vehicle_is_missed_oftener():
     frame = frame_of((20, 0), (40, 1.4), (-30, 3.66), (-97, -3.66))
-    seen = film([frame] * 500, "lidar", clutter_per_scan=0.0, persistent_clutter=0.0)
+    seen = film([frame] * 250, "lidar", clutter_per_scan=0.0, persistent_clutter=0.0)
     missed = [np.mean([f"car{k}" not in s.truth_id for s in seen]) for k in range(1, 5)]
     assert missed[1] > missed[2]
     assert missed[3] > missed[2]
 
 
 def test_errors_drift_as_fast_and_as_much_as_asked_for():
-    frame = frame_of(*AROUND)
+    frame = frame_of(*RING)
     settings = {"std_range_m": 0.0, "std_bearing_deg": 0.0}
-    seen = film([frame] * 500, **CALM, bias_share=0.6, bias_time_s=0.5, **settings)
+    seen = film([frame] * 150, **CALM, bias_share=0.6, bias_time_s=0.5, **settings)
     places = [dict(zip(s.truth_id, s.scan.detections.lon_m, strict=True)) for s in seen]
-    error = np.array([[row[name] for name in NAMES] for row in places]) - frame.lon_m[1:]
+    error = np.array([[row[name] for name in RING_NAMES] for row in places]) - frame.lon_m[1:]
     assert error.std() == pytest.approx(0.3, rel=0.08)
     for lag in (1, 3, 6):
         correlation = np.corrcoef(error[lag:].ravel(), error[:-lag].ravel())[0, 1]
@@ -84,8 +83,11 @@ def test_errors_drift_as_fast_and_as_much_as_asked_for():
 
 
 def test_without_drift_errors_are_independent_from_scan_to_scan():
-    error = np.array([s.scan.detections.lon_m[0] for s in film([frame_of((30, 0))] * 600, **CALM)])
-    assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(0.0, abs=4 / np.sqrt(600))
+    frame = frame_of(*RING)
+    places = [dict(zip(s.truth_id, s.scan.detections.lon_m, strict=True)) for s in film([frame] * 30, **CALM)]
+    error = np.array([[row[name] for name in RING_NAMES] for row in places]) - frame.lon_m[1:]
+    correlation = np.corrcoef(error[1:].ravel(), error[:-1].ravel())[0, 1]
+    assert correlation == pytest.approx(0.0, abs=4 / np.sqrt(30 * 36))
 
 
 def test_false_objects_stay_for_their_mean_life_and_have_their_number():
@@ -97,13 +99,13 @@ def test_false_objects_stay_for_their_mean_life_and_have_their_number():
         "persistent_clutter_probability": 1.0,
         "persistent_clutter_moving": 0.0,
     }
-    seen = film([frame_of((30, 0))] * 800, **overrides)
+    seen = film([frame_of((30, 0))] * 400, **overrides)
     numbers = np.array([len(s.truth_id) for s in seen], dtype=float)
     assert numbers.mean() == pytest.approx(6.0, rel=0.15)
     # The number present in an M/G/infinity queue is correlated as lives go on: exp(-lag / life).
     for lag_s in (0.2, 0.5):
         lag = int(lag_s / STEP_S)
-        assert np.corrcoef(numbers[lag:], numbers[:-lag])[0, 1] == pytest.approx(np.exp(-lag_s / 0.5), abs=0.15)
+        assert np.corrcoef(numbers[lag:], numbers[:-lag])[0, 1] == pytest.approx(np.exp(-lag_s / 0.5), abs=0.2)
     assert all(set(s.truth_id) <= {""} for s in seen)
 
 
@@ -129,22 +131,22 @@ def test_what_moves_among_false_objects_moves_with_the_traffic():
 def test_a_split_truck_gives_two_boxes_of_which_one_stands_for_it():
     frame = frame_of((30, 0))
     frame = replace(frame, length_m=np.array([4.7, 16.0]))
-    seen = film([frame] * 500, **CALM, split_share=0.2, split_s=0.3)
+    seen = film([frame] * 250, **CALM, split_share=0.2, split_s=0.3)
     double = np.array([len(s.truth_id) == 2 for s in seen])
-    assert double.mean() == pytest.approx(0.2, abs=0.06)
+    assert double.mean() == pytest.approx(0.2, abs=0.09)
     assert all(sorted(s.truth_id) in (["car1"], ["", "car1"]) for s in seen)
     both = next(s for s, two in zip(seen, double, strict=True) if two).scan.detections
     assert both.sizes.length_m.sum() == pytest.approx(16.0, abs=3.0)
-    assert len(film([frame_of((30, 0))] * 100, **CALM, split_share=0.9)[-1].truth_id) == 1
+    assert len(film([frame_of((30, 0))] * 30, **CALM, split_share=0.9)[-1].truth_id) == 1
 
 
 def test_two_cars_close_together_become_one_box_over_both_and_others_never_do():
-    close = film([frame_of((20, 2.5), (20, 5.4))] * 500, **CALM, merged_share=0.3, merged_s=0.3, merged_gap_m=1.5)
+    close = film([frame_of((20, 2.5), (20, 5.4))] * 250, **CALM, merged_share=0.3, merged_s=0.3, merged_gap_m=1.5)
     single = [s for s in close if len(s.truth_id) == 1]
     # Either of the two would merge with probability 0.3.
-    assert len(single) / len(close) == pytest.approx(1 - 0.7**2, abs=0.08)
+    assert len(single) / len(close) == pytest.approx(1 - 0.7**2, abs=0.12)
     assert np.mean([s.scan.detections.sizes.width_m[0] for s in single]) == pytest.approx(2.9 + 1.9, abs=0.2)
-    apart = film([frame_of((20, 2.5), (-20, 2.5))] * 100, **CALM, merged_share=0.9)
+    apart = film([frame_of((20, 2.5), (-20, 2.5))] * 30, **CALM, merged_share=0.9)
     assert all(len(s.truth_id) == 2 for s in apart)
 
 
@@ -154,7 +156,7 @@ def test_the_box_of_a_partly_hidden_car_recedes_from_who_hides_it():
         np.mean(
             [
                 s.scan.detections.lat_m[s.truth_id == "car2"][0] - frame.lat_m[2]
-                for s in film([frame] * 200, **CALM, centre_shift_share=share, view_exponent=0.0)
+                for s in film([frame] * 100, **CALM, centre_shift_share=share, view_exponent=0.0)
             ]
         )
         for share in (0.0, 1.0)
@@ -209,11 +211,11 @@ def test_equal_seeds_give_equal_bytes_over_a_run_and_a_new_episode_forgets(profi
 
 @pytest.fixture(scope="module", params=["lidar", "lidar-independent"])
 def reports(request):
-    """Return what 10 000 true detections report of themselves, their visible fractions, and what clutter reports."""
+    """Return what thousands of true detections report of themselves, their visible fractions, and what clutter does."""
     rng = np.random.default_rng(3)
     sensor, stream = build_sensor(sensor_settings(request.param, {"clutter_per_scan": 4.0})), np.random.default_rng(4)
     told, fractions = [], []
-    for k in range(400):
+    for k in range(250):
         lanes = 3.66 * rng.integers(-2, 3, 30)
         cars = np.stack([rng.uniform(-95, 95, 30), lanes + rng.normal(0, 0.3, 30)], axis=-1)
         seen = sensor.observe(replace(frame_of(*cars.tolist()), time_s=0.1 * k, episode=k), ROAD, stream)
@@ -221,13 +223,13 @@ def reports(request):
         told.append(np.stack([d.std_lon_m, d.std_lat_m, d.sizes.std_length_m, d.sizes.std_width_m], axis=-1))
         fractions.append(seen.detection_visible_fraction)
     told, fractions = np.concatenate(told), np.concatenate(fractions)
-    true = np.flatnonzero(~np.isnan(fractions))[:10_000]
+    true = np.flatnonzero(~np.isnan(fractions))
     return told[true], fractions[true], told[np.isnan(fractions)]
 
 
 def test_reported_deviations_hardly_tell_how_much_of_a_vehicle_is_seen(reports):
     told, fraction, _ = reports
-    assert len(told) >= 3000
+    assert len(told) >= 2500
     assert fraction.std() > 0.15
     half = len(told) // 2
     model = HistGradientBoostingRegressor(max_depth=4, max_iter=80, random_state=0)

@@ -8,10 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.grid.grid import GridRequest
+from harness.grid.stress import run_stress
 from harness.running.open import open_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.running.snapshots import SnapshotStream
 from harness.storage.schema import HIDDEN, OUT, VISIBLE
+from tests.harness.grid.executors import InProcess
 from tests.harness.truth.recorded.detected.made import GAP, PARKED_XY, STEPS, write_kitti
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -79,15 +82,14 @@ def test_trackers_run_over_a_recording_and_a_run_of_it_again(tmp_path: Path, tra
     pd.testing.assert_series_equal(*scores)
 
 
-def test_a_grid_over_sequences_tells_gaps_of_moving_and_parked_vehicles(tmp_path: Path) -> None:
-    from harness.api import stress  # noqa: PLC0415
-
+def test_a_grid_over_sequences_tells_gaps_of_moving_and_parked_vehicles(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("harness.grid.stress.draw_charts", lambda *_: None)
     write_kitti(tmp_path / "data", "0001")
     folder = write_kitti(tmp_path / "data", "0002") / "label_02"
-    made = stress(
-        replay=folder, format="kitti-tracking", trackers="oracle-kalman", out=tmp_path / "grid", workers=1, quiet=True
-    )
-    assert made.runs["succeeded"].all()
+    files = tuple(map(str, sorted(folder.iterdir())))
+    settings = ('traffic.recording.format="kitti-tracking"',)
+    request = GridRequest(net=None, replay=files, trackers="oracle-kalman", seeds="1", settings=settings)
+    assert not run_stress(request, tmp_path / "grid", InProcess(open_snapshots)).failures
     table = (tmp_path / "grid" / "table.md").read_text()
     assert "same identity after gaps of 1 s and more, moving, %" in table
     assert "| 0001.txt |" in table

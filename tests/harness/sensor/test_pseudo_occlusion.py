@@ -26,7 +26,7 @@ def windows(lengths):
 
 @pytest.fixture(scope="module")
 def snapshots():
-    return film(300, speed=10.0, car_speed_mps=10.0)
+    return film(200, speed=10.0, car_speed_mps=10.0)
 
 
 @pytest.fixture(scope="module")
