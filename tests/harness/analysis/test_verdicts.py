@@ -104,7 +104,7 @@ def simulated(rng: np.random.Generator, seeds: int, planted: float = 1.0, within
 @pytest.mark.parametrize("seeds", [3, 10])
 def test_no_change_is_called_worse_in_at_most_five_percent_of_comparisons(seeds):
     rng = np.random.default_rng([7, seeds])
-    worse = [any(verdict.regression for verdict in judged(*simulated(rng, seeds), rules=Rules())) for _ in range(400)]
+    worse = [any(verdict.regression for verdict in judged(*simulated(rng, seeds), rules=Rules())) for _ in range(200)]
     assert np.mean(worse) <= 0.05
 
 
@@ -112,7 +112,7 @@ def test_no_change_is_called_worse_in_at_most_five_percent_of_comparisons(seeds)
 def test_what_is_worse_by_the_tolerance_and_more_passes_as_no_worse_in_at_most_five_percent(seeds):
     rng = np.random.default_rng([8, seeds])
     passed = 0
-    for _ in range(300):
+    for _ in range(150):
         verdicts = judged(*simulated(rng, seeds, planted=1.021, within=0.01), rules=Rules())
         passed += all(verdict.verdict in (NO_WORSE, BETTER) for verdict in verdicts)
-    assert passed / 300 <= 0.05
+    assert passed / 150 <= 0.05

@@ -11,7 +11,7 @@ from tests.harness.lab.fit.test_unrolled import windows
 STEP_S = 0.1
 
 
-def three_clusters(n=3000):
+def three_clusters(n=1500):
     rng = np.random.default_rng(0)
     kind = rng.integers(3, size=n)
     x = np.array([-4.0, 0.0, 4.0])[kind, None] + 0.3 * rng.normal(size=(n, 1))
@@ -37,7 +37,7 @@ def test_inputs_beyond_the_training_range_are_taken_for_its_edge():
     np.testing.assert_allclose(fitted.mean(np.array([[1e6]])), fitted.mean(fitted.scaling.input_high[None]))
 
 
-def steady_records(windows=200, steps=60):
+def steady_records(windows=80, steps=60):
     shape = (windows, steps)
     rng = np.random.default_rng(1)
     speed = np.repeat(rng.uniform(5.0, 25.0, (windows, 1)), steps, axis=1)
@@ -66,9 +66,9 @@ def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
     monkeypatch.setattr("harness.lab.fit.recovery.PERTURBED_SHARE", 1.0)
     records = steady_records()
     rng = np.random.default_rng(3)
-    samples = recovery_samples(records, 8000, rng)
-    model = fit_mixture(samples.x, samples.y, 4, seed=0)
-    speed, accel, astray = records.speed_mps[:, 0].copy(), np.zeros(200), np.full(200, 2.0)
+    samples = recovery_samples(records, 3000, rng)
+    model = fit_mixture(samples.x, samples.y, 3, seed=0)
+    speed, accel, astray = records.speed_mps[:, 0].copy(), np.zeros(80), np.full(80, 2.0)
     for _ in range(300):
         x = np.column_stack(
             [
@@ -83,7 +83,7 @@ def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
         astray += STEP_S * (speed + 0.5 * STEP_S * accel - records.speed_mps[:, 0])
         speed = speed + STEP_S * accel
     assert np.abs(astray).mean() < 1.0
-    reached = demonstrated_samples(records, model, 50, rng)
+    reached = demonstrated_samples(records, model, 20, rng)
     assert reached.x.shape[1] == 6
     assert np.isfinite(reached.y).all()
 

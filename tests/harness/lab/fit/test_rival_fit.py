@@ -10,7 +10,7 @@ from mmpf.motion.kinematic import ProcessNoise
 from mmpf.motion.state import LON
 from tests.mmpf.motion.surroundings import around, states, vehicle
 
-STEP_S, COUNT = 0.1, 150
+STEP_S, COUNT = 0.1, 90
 PLAIN = Adaptation(2.0, 0.0, 0.0)
 
 

@@ -68,15 +68,16 @@ def test_the_score_is_that_of_a_plain_loop():
 
 def assert_learned(model, rng):
     """Ask for less error than at constant speed, and that the truth lies within what is drawn."""
-    cases = cases_of(windows(60, rng, 40.0, 0.3), 0.1)
-    scores = score(follow(replace(model, changes_lanes=False), cases, 100, np.random.default_rng(0)), cases)
+    cases = cases_of(windows(30, rng, 40.0, 0.3), 0.1)
+    scores = score(follow(replace(model, changes_lanes=False), cases, 50, np.random.default_rng(0)), cases)
     coasting = np.abs(cases.truth[50, 0] - cases.truth[0, 2] * 5.0).mean()
     assert scores.abs_error["lon_m"][49].mean() < coasting
     assert scores.covered["lon_m"][49].mean() > 0.6
 
 
-def test_the_fit_learns_what_drivers_do_and_how_they_differ():
+def test_the_fit_learns_what_drivers_do_and_how_they_differ(monkeypatch):
+    monkeypatch.setattr("harness.lab.fit.unrolled.WINDOWS", 40)
     rng = np.random.default_rng(2)
-    network = fit_residual(windows(200, rng, gap_m=40.0, pull=0.3), 0, lambda line: None, iterations=60)
+    network = fit_residual(windows(100, rng, gap_m=40.0, pull=0.3), 0, lambda line: None, iterations=60)
     assert network.w1.shape[0] == INPUTS
     assert_learned(with_follower(ResidualFollower(network), "residual"), rng)

@@ -55,7 +55,7 @@ def test_the_filter_agrees_with_the_kalman_filter_for_constant_velocity(cases):
     z = measure(cases, noise, np.random.default_rng(1))
     density = 0.5
     clouds = list(
-        follow(kinematic("cvm", ProcessNoise(density, 0.1)), cases, 20_000, np.random.default_rng(2), z, noise)
+        follow(kinematic("cvm", ProcessNoise(density, 0.1)), cases, 5_000, np.random.default_rng(2), z, noise)
     )
     f = np.array([[1.0, STEP_S], [0.0, 1.0]])
     gain_of_noise = np.array([[STEP_S / 2], [1.0]])
