@@ -1,11 +1,31 @@
+import gc
+
 import pytest
 
 from harness.common.isolation import trusted
 
 
+def pytest_collection_finish():
+    """Leave what was collected, which lives to the end, out of every later look for garbage, in forks too."""
+    gc.freeze()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Read files in a fast test's own process: a fork takes longer than most of them.
+
+    What lies beside packages, what reads files of others, and what is marked ``forks`` reads them as outside of tests.
+    """
+    package = item.nodeid.partition("::")[0].split("/")[2:-1]
+    if package[:1] in ([], ["storage"], ["truth"]) or any(map(item.get_closest_marker, ("forks", "slow"))):
+        return (yield)
+    with trusted():
+        return (yield)
+
+
 @pytest.fixture
 def read_here():
-    """Read files in the process of the test itself: a fork for each takes longer than most of these tests do."""
+    """Read files in the process of the test itself where other tests of its folder do not."""
     with trusted():
         yield
 

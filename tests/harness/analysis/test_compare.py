@@ -24,8 +24,6 @@ from harness.storage.tables import write_table
 from tests.harness.grid.executors import InProcess
 from tests.harness.stand_ins import SteadyTraffic, observing
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 ECHO = "tests.harness.stand_ins:echo_tracker"
 
 

@@ -20,8 +20,6 @@ from harness.common.errors import InputError
 from harness.storage.manifest import hashes_of
 from tests.harness.analysis.test_compare import compared, grid_folder, wobbling
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 MANIFEST = {"code_sha256": {"mmpf": "1a" * 32, "my_kf": "2b" * 32}, "inputs_sha256": {"model.npz": "3c" * 32}}
 
 

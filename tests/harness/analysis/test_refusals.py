@@ -29,8 +29,6 @@ from harness.scoring.metrics.closedloop import COLLIDED
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
 from tests.harness.analysis.test_comparison_text import comparison, verdict
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 NAN = float("nan")
 
 

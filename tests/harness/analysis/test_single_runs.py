@@ -21,8 +21,6 @@ from harness.storage.grid_rows import flattened
 from tests.harness.analysis.test_vehicles import CARS, six_cars
 from tests.harness.recorded_scene import write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 
 @pytest.fixture(scope="module")
 def both() -> dict:

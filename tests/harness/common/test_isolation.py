@@ -16,6 +16,8 @@ from harness.common import untrusted_files
 from harness.common.errors import InputError, RunError
 from harness.common.isolation import ProcessLimits, isolated, streamed
 
+pytestmark = pytest.mark.forks
+
 SHORT = ProcessLimits(cpu_s=1)
 
 

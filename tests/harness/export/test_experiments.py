@@ -16,8 +16,6 @@ from harness.export.formats import export_run
 from harness.storage.grid_rows import flattened
 from tests.harness.recorded_scene import write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 TEXT = "<title>the page</title>"
 
 

@@ -30,8 +30,6 @@ from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, SEEN_AGAIN, STEPS, metrics_of, write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 # A road that turns from east to north-east, so that the road frame and the plane differ.
 BENT = CorridorRoad(
     lanes=tuple(Lane(number, 3.66 * (5 - number), 3.66 * (6 - number)) for number in range(1, 6)),

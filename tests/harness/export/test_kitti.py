@@ -17,7 +17,7 @@ from harness.export.formats import export_run
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.truth.recorded.detected.made import AHEAD_M, GAP, PARKED_XY, SPEED_MPS, STEPS, write_kitti
 
-pytestmark = pytest.mark.usefixtures("read_here", "no_pictures")
+pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 @pytest.fixture(scope="module")

@@ -25,8 +25,6 @@ from tests.harness.analysis.test_curves import rows
 from tests.harness.grid.executors import ECHO, MadeUp
 from tests.harness.stand_ins import SteadyTraffic, observing
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 SMALL = GridRequest(net=None, nets="curve,junction", seeds="2", trackers=ECHO, duration_s=1.0)
 
 

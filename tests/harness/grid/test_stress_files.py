@@ -23,10 +23,8 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.making import Telling
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.storage import ownership
-from tests.harness.full_disk import disk_full_from
+from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.grid.executors import MadeUp
-
-pytestmark = pytest.mark.usefixtures("read_here")
 
 REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", models="cvm", duration_s=2.0)
 
@@ -264,7 +262,7 @@ GRID_WRITES = 15
 """How many files a grid of eight runs writes: ledger, manifest, request, rows, tables, manifest again."""
 
 
-@pytest.mark.parametrize("write", range(2, GRID_WRITES + 1))
+@pytest.mark.parametrize("write", moments(GRID_WRITES))
 def test_a_grid_whose_disk_fills_ends_in_one_line_and_is_taken_up_as_if_it_had_not(write, whole, tmp_path):
     with (
         disk_full_from(write) as written,

@@ -20,8 +20,6 @@ from harness.report.run_charts import diagnostics_charts, error_charts, visibili
 from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 ROOT = Path(__file__).parents[3]
 
 

@@ -21,8 +21,6 @@ from tests.harness.recorded_scene import (
 )
 from tests.harness.report.test_replay_data import unpacked
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):

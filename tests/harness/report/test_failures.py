@@ -35,8 +35,6 @@ from harness.storage.tables import write_table
 from tests.harness.recorded_scene import rewrite, write_recorded_scene
 from tests.harness.scoring.scenes import score_run
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 ENTRY = {
     "id": "near", "kind": "never reported", "episode": 0, "from_s": 1.0, "to_s": 5.0, "closest_m": 14.6,
     "without_track_s": 4.1, "detected_percent": 36.4,

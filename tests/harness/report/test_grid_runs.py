@@ -16,8 +16,6 @@ from harness.report.grid_runs import BESIDE
 from harness.running.resolve import resolve_run_config
 from tests.harness.recorded_scene import write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 
 def told(command):
     """Return the configuration that a command line asks for, read as ``run`` reads it."""

@@ -5,15 +5,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pandas as pd
-import pytest
 
 from harness.commands.app import run_command_line
 from harness.common.exit_codes import WRONG_INPUT
 from harness.report.folder_page import write_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import write_recorded_scene
-
-pytestmark = pytest.mark.usefixtures("read_here")
 
 ONE_PIXEL = (
     b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\x08\6\0\0\0\x1f\x15\xc4\x89\0\0\0\nIDATx\x9cc\0\1\0\0\5\0\1\r\n-\xb4"

@@ -11,8 +11,6 @@ from harness.report.folder_page import write_page
 from harness.report.pictures import write_pictures
 from tests.harness.recorded_scene import write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 MAGIC = {"png": b"\x89PNG", "svg": b"<svg", "pdf": b"%PDF"}
 
 

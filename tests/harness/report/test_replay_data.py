@@ -10,8 +10,6 @@ from harness.report.replay_data import NO_ERROR_CM, pack, replay_data
 from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, STEPS, rewrite, write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 
 @pytest.fixture
 def run(tmp_path):

@@ -12,8 +12,6 @@ from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
-pytestmark = pytest.mark.usefixtures("read_here")
-
 
 @pytest.fixture
 def run(tmp_path):

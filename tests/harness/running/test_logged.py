@@ -20,11 +20,15 @@ from mcap_ros2.decoder import DecoderFactory
 import harness
 from harness.commands.app import run_command_line
 from harness.common import exit_codes
+from harness.grid.grid import GridRequest
+from harness.grid.stress import run_stress
+from harness.running.open import open_snapshots
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.messages import read_bag
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
+from tests.harness.grid.executors import InProcess
 from tests.harness.recorded_scene import write_recorded_scene
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -106,7 +110,7 @@ def score(folder: Path, truth: Path, tracks: Path, *more: str) -> int:
     return run_command_line(["score", *words, *more])
 
 
-@pytest.mark.parametrize("write", moments(SCORE_WRITES, often=6))
+@pytest.mark.parametrize("write", moments(SCORE_WRITES, often=12))
 def test_a_disk_that_fills_while_a_log_is_scored_leaves_nothing(tmp_path, write, capsys):
     (truth, more), (tracks, _) = (write_csv(tmp_path, role, 0.0) for role in ("truth", "tracks"))
     with disk_full_from(write):
@@ -145,8 +149,9 @@ def test_each_format_gives_the_errors_that_were_put_in_and_hides_what_the_truck_
     if format_ != "mot":  # it tells no sizes: a usual car hides a usual car all the same
         assert run.truth.groupby("vehicle_id")["length_m"].first()["1"] == pytest.approx(9.0)
     assert (seen["2"], seen["3"]) == ({"hidden"}, {"visible"})
-    assert run_command_line(["report", str(run.folder)]) == 0
-    assert run_command_line(["export", str(run.folder), "--to", "mot"]) == 0
+    if format_ == "csv":
+        assert run_command_line(["report", str(run.folder)]) == 0
+        assert run_command_line(["export", str(run.folder), "--to", "mot"]) == 0
 
 
 @pytest.mark.parametrize("scored", [True, False])
@@ -257,8 +262,8 @@ def test_a_bag_of_autoware_s_messages_is_replayed_with_its_detections_and_its_tr
     assert len(again.tracks) > 0
     short = harness.run(replay=bag, tracker="detections", duration=1.0, out=tmp_path / "short")
     assert short.truth["step"].nunique() == 10
-    words = ["--replay", str(bag), "--trackers", "detections", "--duration", "1", "--out", str(tmp_path / "grid")]
-    assert run_command_line(["stress", *words, "--quiet"]) == 0
+    request = GridRequest(net=None, replay=(str(bag),), trackers="detections", seeds="1", duration_s=1.0)
+    assert not run_stress(request, tmp_path / "grid", InProcess(open_snapshots)).failures
 
 
 def test_a_bag_without_the_ego_s_transform_is_one_line(tmp_path, capsys):
@@ -339,7 +344,9 @@ class Inside:
 def test_a_tracker_in_python_the_same_as_a_program_and_as_a_log_have_the_same_scores(tmp_path):
     scene = write_recorded_scene(tmp_path / "scene")
     program = [sys.executable, str(Path(__file__).parents[3] / "docs" / "examples" / "exec_tracker.py")]
-    run = harness.run(replay=scene, tracker=f"exec:{shlex.join(program)}", out=tmp_path / "run")
+    words = ["--replay", str(scene), "--tracker", f"exec:{shlex.join(program)}", "--out", str(tmp_path / "run")]
+    assert run_command_line(["run", *words, "--quiet"]) == 0
+    run = harness.open_run(tmp_path / "run")
     assert run_command_line(["export", str(run.folder), "--to", "scans", "--out", str(tmp_path / "scans")]) == 0
     text = (tmp_path / "scans" / "episode-0.txt").read_text()
     times = {words[1]: float(words[2]) for words in map(str.split, text.splitlines()) if words[0] == "scan"}
@@ -380,6 +387,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.forks
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_broken_log_is_one_line_that_names_the_file(tmp_path, run, name, capfd):
     (tmp_path / name).write_bytes(BROKEN[name])

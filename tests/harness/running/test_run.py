@@ -218,7 +218,9 @@ def test_a_run_whose_pictures_find_no_room_is_complete_and_says_how_to_draw_it(b
     assert run_command_line(["report", str(tmp_path / "run")]) == 0
 
 
-@pytest.mark.parametrize("call", [pytest.param(21, marks=pytest.mark.slow), 35, 52])
+@pytest.mark.parametrize(
+    "call", [pytest.param(21, marks=pytest.mark.slow), 35, pytest.param(52, marks=pytest.mark.slow)]
+)
 def test_a_disk_that_fills_during_a_run_loses_no_finished_step(call, steady_traffic, tmp_path, monkeypatch, capsys):
     calls = count(1)
     # Room is kept for the manifest and three tables, before the first step and after each.

@@ -15,6 +15,8 @@ from harness.running.follow import StageTimes
 from harness.running.snapshots import SnapshotStream
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, observing, track
 
+pytestmark = pytest.mark.forks
+
 
 def snapshots_from(traffic: SteadyTraffic) -> SnapshotStream:
     return observing(traffic)(RunConfig())

@@ -19,11 +19,14 @@ BEYOND_THE_PUBLISHED_RULE = {
     "identities_stay_on_a_bend",
     "identities_stay_at_a_crossing",
 }
-STARVES = pytest.mark.xfail(reason="components starve under the published rule", strict=True)
+STARVES = pytest.mark.xfail(reason="components starve under the published rule", strict=True), pytest.mark.slow
+# What ``tests/mmpf/test_tracker.py`` asks of both rules too.
+ASKED_OF_BOTH = {"equal_seeds_give_equal_tracks", "tracks_are_well_formed"}
 
 
 def published_rule_checks() -> list[object]:
-    marks = {**dict.fromkeys(BEYOND_THE_PUBLISHED_RULE, STARVES), "500_detections": pytest.mark.slow}
+    marks = dict.fromkeys((*ASKED_OF_BOTH, "500_detections"), (pytest.mark.slow,))
+    marks |= dict.fromkeys(BEYOND_THE_PUBLISHED_RULE, STARVES)
     return [pytest.param(check, marks=marks.get(check.name, ())) for check in tracker_checks()]
 
 

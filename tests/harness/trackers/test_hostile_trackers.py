@@ -73,14 +73,17 @@ def test_what_a_tracker_does_in_a_step_is_one_line_with_its_file_and_line(step, 
     assert not list(tmp_path.glob(".out*"))
 
 
-@pytest.mark.parametrize(("where", "does"), [("step", "os.close(1)"), ("make", "sys.stdout = sys.stderr = None")])
+@pytest.mark.parametrize(
+    ("where", "does"),
+    [("step", "os.close(1)"), pytest.param("make", "sys.stdout = sys.stderr = None", marks=pytest.mark.slow)],
+)
 def test_what_a_tracker_does_to_the_streams_has_no_effect(where, does, tmp_path, scene):
     process = started(tmp_path, scene, **{"step": "pass", where: does}, name="bad:make")
     assert process.communicate(timeout=120)[1] == ""
     assert process.returncode == 0
 
 
-@pytest.mark.parametrize("where", ["step", "make"])
+@pytest.mark.parametrize("where", ["step", pytest.param("make", marks=pytest.mark.slow)])
 def test_a_tracker_that_closes_files_of_the_run_is_named(where, tmp_path, scene):
     process = started(tmp_path, scene, **{"step": "pass", where: "os.closerange(0, 60)"}, name="bad:make")
     assert "bad:make" in process.communicate(timeout=120)[1]
@@ -127,7 +130,9 @@ KILLS = ("if os.fork() == 0: os.kill(os.getppid(), 9)", "crashed it (SIGKILL)")
 CRASHES = ("__import__('ctypes').string_at(0)", "crashed it (SIGSEGV)")
 
 
-@pytest.mark.parametrize(("step", "end", "name"), [(*EXITS, "bad-one"), (*CRASHES, "bad:make")])
+@pytest.mark.parametrize(
+    ("step", "end", "name"), [(*EXITS, "bad-one"), pytest.param(*CRASHES, "bad:make", marks=pytest.mark.slow)]
+)
 def test_a_tracker_that_ends_the_process_is_one_line(step, end, name, tmp_path, scene):
     process = started(tmp_path, scene, step, name)
     told = process.communicate(timeout=120)[1].splitlines()
@@ -139,7 +144,11 @@ def test_a_tracker_that_ends_the_process_is_one_line(step, end, name, tmp_path, 
 
 
 @pytest.mark.parametrize(
-    ("step", "told", "name"), [(*KILLS, "bad-one"), ("raise KeyError('x')", "KeyError: 'x'", "bad:make")]
+    ("step", "told", "name"),
+    [
+        (*KILLS, "bad-one"),
+        pytest.param("raise KeyError('x')", "KeyError: 'x'", "bad:make", marks=pytest.mark.slow),
+    ],
 )
 def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_there(
     step, told, name, tmp_path, scene, monkeypatch
