@@ -149,11 +149,6 @@ def test_importing_loads_neither_sumo_nor_figures():
     assert answer.stdout.strip() == "[]"
 
 
-def test_a_name_that_the_package_does_not_have_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="nosuch"):
-        _ = harness.nosuch
-
-
 def test_a_run_leaves_its_folder_and_tables(run):
     assert {"episode", "step", "vehicle_id", "is_ego"} <= set(run.truth)
     assert run.tracks["step"].max() == run.truth["step"].max()
