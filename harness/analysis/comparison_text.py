@@ -75,16 +75,18 @@ def _basis(comparison: Judgement) -> list[str]:
 
 
 def print_comparison(comparison: Judgement) -> None:
-    """Print the comparison on stderr."""
-    parts: list[Table | Text] = [Text("\n".join(("", f"a: {comparison.a}", f"b: {comparison.b}", *_basis(comparison))))]
-    labels = dict.fromkeys(verdict.label for verdict in comparison.verdicts)
+    """Print the verdict and the metrics that it rests on, on stderr; the others are in the files."""
+    sides = (f"a: {comparison.a}", f"b: {comparison.b}")
+    parts: list[Table | Text] = [Text("\n".join((*_open(comparison), *sides, *_basis(comparison))))]
+    labels = dict.fromkeys(verdict.label for verdict in comparison.verdicts if verdict.primary)
     parts += [_screen_table(comparison, label) for label in labels]
     if comparison.why is not None:
         parts.append(_screen_causes(comparison.why))
-    parts += [Text(note) for note in comparison.notes]
-    style = COLOURS[comparison.outcome]
-    told = " ".join((conclusion(comparison), *_open(comparison)))
-    Console(stderr=True, highlight=False).print(Group(*parts, Text(told.strip(), style=style)))
+    others = len({verdict.metric for verdict in comparison.verdicts if not verdict.primary})
+    more = [f"{others} other metrics are not judged; --html FILE and --markdown FILE show them."] if others else []
+    parts += [Text(note) for note in (*more, *comparison.notes)]
+    told = Text(f"\n{conclusion(comparison)}", style=COLOURS[comparison.outcome])
+    Console(stderr=True, highlight=False).print(Group(told, *parts))
 
 
 def _open(comparison: Judgement) -> list[str]:
@@ -107,9 +109,9 @@ CAUSES_NOTE = (
 
 
 def _screen_table(comparison: Judgement, label: str) -> Table:
-    """Return what fits 80 columns: all but p and the difference in percent."""
+    """Return what fits 80 columns of what is judged: all but p and the difference in percent."""
     rows = []
-    for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label):
+    for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label and verdict.primary):
         name, a, b, difference, interval, _, pairs, word = cells(verdict)
         told = word if verdict.verdict != UNTESTED else ""
         rows.append((name, a, b, difference.partition(" ")[0], interval, pairs, told))

@@ -66,13 +66,6 @@ def worst_failures(run: RecordedRun) -> list[Failure]:
     return [*withheld_vehicles(run), *occlusions]
 
 
-def withheld_words(metrics: Mapping[str, Any]) -> str:
-    """Return a phrase on the numbers of withheld vehicles and dropped tracks; empty without any."""
-    table = metrics.get(NAME) or {}
-    counts = ((table.get("never_reported") or 0, "never got a track"), (table.get("dropped") or 0, "lost it"))
-    return " and ".join(f"{count} {what}" for count, what in counts if count)
-
-
 def withheld_vehicles(run: RecordedRun) -> list[Failure]:
     """Return the worst vehicles in plain view that were never reported or lost their track, worst first.
 
@@ -98,7 +91,7 @@ def withheld_sentence(entry: Mapping[str, Any], length_m: float) -> str:
     before = "had a track before that" if entry["kind"] == DROPPED else "never had a track"
     return (
         f"A {kind} in plain view at {entry['closest_m']:.0f} m had no track for {entry['without_track_s']:.1f} s; "
-        f"it was detected in {entry['detected_percent']:.0f} % of scans. It is {entry['id']}, and {before}."
+        f"it was detected in {entry['detected_percent']:.0f} % of these scans. It is {entry['id']}, and {before}."
     )
 
 

@@ -12,9 +12,8 @@ import pandas as pd
 from markupsafe import Markup, escape
 
 from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mot_value, other_scores
-from harness.report.summary_text import number
+from harness.report.summary_text import number, out_of
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
-from harness.scoring.metrics.quantity import Quantity
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
@@ -41,12 +40,11 @@ def error_table(mae: Mapping[str, Any]) -> Markup:
         [
             name,
             *(_with_interval(mae[state], key) for key, _ in columns),
-            number(mae[state].get("followed_percent"), 0, " %"),
-            _count(mae[state].get("n")),
+            out_of(number(mae[state].get("followed_percent"), 0, " %"), mae[state].get("of_n")),
         ]
         for state, name in VISIBILITY_ROWS
     ]
-    return html_table(["vehicles", *(heading for _, heading in columns), "followed", "steps followed"], rows)
+    return html_table(["vehicles", *(heading for _, heading in columns), "followed"], rows)
 
 
 def hidden_table(mae: Mapping[str, Any]) -> Markup:
@@ -56,25 +54,20 @@ def hidden_table(mae: Mapping[str, Any]) -> Markup:
             f"{row['from_s']:g} to {row['to_s']:g} s",
             *(_with_interval(row, key) for key in ("lon_m", "lat_m", "speed_mps")),
             *(number(row.get(f"{fate}_percent"), 0, " %") for fate in ("tracked", "lost", "hijacked", "untracked")),
-            _count(row.get("hidden_n")),
+            number(row.get("hidden_n"), 0),
         ]
         for row in mae["by_seconds_hidden"]
     ]
     fates = ("own track", "track lost", "track on another", "never had one")
-    return html_table(["unseen for", "lon m", "lat m", "speed m/s", *fates, "steps, all"], rows)
+    return html_table(["unseen for", "lon m", "lat m", "speed m/s", *fates, "vehicle-steps"], rows)
 
 
 def mot_table(metrics: Mapping[str, Any]) -> Markup:
     """Return the multi-object scores of both sets of vehicles, and other scores that metrics want shown."""
     columns = mot_columns()
-
-    def cell(key: str, column: Quantity) -> str:
-        value = mot_value(metrics, key, column)
-        return number(value, column.decimals) if column.decimals else _count(value)
-
-    rows = [[name, *(cell(key, column) for column in columns)] for key, name in MOT_ROWS]
+    rows = [[name, *(mot_value(metrics, key, column) for column in columns)] for key, name in MOT_ROWS]
     table, others = html_table(["vehicles", *(column.heading for column in columns)], rows), other_scores(metrics)
-    return table + html_table(["score", "value", "better"], others) if others else table
+    return table + html_table(["score", "value", "better", "samples"], others) if others else table
 
 
 def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
@@ -87,10 +80,6 @@ def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
     return Markup("{}<br><span class='interval-cell'>{} to {}</span>").format(
         f"{value:.2f}", f"{low:.2f}", f"{high:.2f}"
     )
-
-
-def _count(value: float | None) -> str:
-    return "-" if value is None else f"{value:,.0f}".replace(",", "\u202f")
 
 
 MOST_ROWS = 300

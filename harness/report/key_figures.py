@@ -79,7 +79,8 @@ def coasting_errors_m(run: RecordedRun) -> FloatArray:
 def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> list[Row]:
     mae, mot, hidden = metrics["mae"], metrics["mot"], metrics.get("hidden") or {}
     plain, noise = metrics.get("in_plain_view") or {}, metrics.get("detection_noise") or {}
-    occlusion, step_ms = metrics["occlusion"], metrics["timing"]["tracker_ms"]
+    occlusion, step_ms, reported = metrics["occlusion"], metrics["timing"]["tracker_ms"], metrics["mot_all"]["tracks_n"]
+    at_a_time = f"of {reported / metrics['timing']['steps']:.1f} tracks in all" if reported else ""
     events, kept = occlusion["events"] or 0, occlusion["same_id"] or 0
     told = "constant velocity from the true state when last seen"
     coasting = f"{coasting_m.mean():.2f} m: {told}" if len(coasting_m) else ""
@@ -100,11 +101,11 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
         ),
         (
             "False tracks out of sight", "tracks that follow no vehicle, mean number at a time",
-            number(hidden.get("false_hidden_tracks_per_scan"), 2), "", "0", "",
+            number(hidden.get("false_hidden_tracks_per_scan"), 2), at_a_time, "0", "",
         ),
         (
-            PLAIN_VIEW, "within 60 m, share of the time",
-            number(plain.get("recall"), 1, " %"), "", "100 %", "",
+            PLAIN_VIEW, "within 60 m, share of the time", number(plain.get("recall"), 1, " %"),
+            f"of {plain['n']} vehicle-steps" if plain.get("n") else "", "100 %", "",
         ),
         (
             "Position error of visible vehicles", "while a track follows them",
@@ -118,7 +119,7 @@ def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> 
         ),
         (
             "True position within the track's 95 % interval", "along the road, all vehicles",
-            within if samples >= FEWEST_SAMPLES else f"too few samples, n = {samples}", "", "95 %",
+            within if samples >= FEWEST_SAMPLES else "too few samples", f"n = {samples} vehicle-steps", "95 %",
             "lower: too sure; higher: too unsure",
         ),
         (

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.report.failures import withheld_words, worst_brakings, worst_failures
+from harness.report.failures import worst_brakings, worst_failures
 from harness.report.html_tables import error_table, hidden_table, mot_table, vehicle_table
 from harness.report.key_figures import first_figures, key_figures, key_rows
 from harness.report.replay_data import SecondRun, replay_data
@@ -77,24 +77,21 @@ def run_page(run: RecordedRun) -> str:
     # Of a long run the picture shows it all, where the chart would only know the beginning.
     over_time = error_charts(run.errors) if run.whole else Charts(())
     drawn, figures = run.folder / runfolder.FIGURES / OVER_TIME, key_rows(run)
-    failures, brakings = worst_failures(run), worst_brakings(run)
     told = diagnostics_of(run)
     inside = diagnostics_charts(told) if told is not None else Charts(())
     return render(
         "run.html.j2",
         title=run.config.title(),
-        seed=run.config.seed,
+        run=run,
         duration=shown,
         version=version("mmpf-harness"),
         sentences=summary_sentences(run.metrics),
         setting=setting_sentence(run.metrics),
         first_figures=first_figures(figures),
         figures_table=key_figures(figures),
-        failures=failures,
-        opening=next(iter([*failures, *brakings]), None),
+        failures=worst_failures(run),
         decisions=decision_summary(run.metrics),
-        brakings=brakings,
-        withheld=withheld_words(run.metrics),
+        brakings=worst_brakings(run),
         lost=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[] if run.whole or not drawn.is_file() else [PageFigure(embedded(drawn), OVER_TIME_WORDS)],
         error_table=error_table(run.metrics["mae"]),
@@ -102,7 +99,6 @@ def run_page(run: RecordedRun) -> str:
         mot_table=mot_table(run.metrics),
         config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
         facts=_facts(run.manifest),
-        whole=run.whole,
         vehicles=vehicle_table(run.errors, run.events, run.step_s),
         sorting_script=Markup(_template_text("sorting.js")),
         by_visibility=by_visibility,

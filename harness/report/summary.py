@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.report.summary_text import number, traffic_source
+from harness.report.summary_text import decision_sentence, number, out_of, traffic_source
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.truth.network.network import NetworkDescription
@@ -27,10 +28,16 @@ REPORTED = (
     *("motion.visible.jerk_mps3", "motion.hidden.jerk_mps3", "motion.visible.jump_m", "motion.hidden.jump_m"),
     *("manoeuvre", "decisions", "hidden_by", "unseen_turns", "pseudo_occlusion", "never_seen.log_skill_percent"),
 )
-PRINTED = ("hidden", "pseudo_occlusion", "decisions.missed_per_km", "decisions.phantom_per_km")
+PRINTED = ("hidden", "pseudo_occlusion")
 """What the terminal shows of these; the page shows all."""
 IDEAL_ONE = "(1 is right)"
-IN_WORDS = {"mot.id_switches": {"label": "identity switches in sight", "decimals": 0}}
+IN_WORDS = {
+    "mot.id_switches": {"label": "identity switches in sight", "heading": "identity switches", "decimals": 0},
+    "mot.missed": {"heading": "vehicle-steps missed"},
+    "mot.false_tracks": {"heading": "track-steps false"},
+}
+OUT_OF = {"missed": "truth_n", "false_tracks": "tracks_n"}
+"""What counts are out of, beside them in ``metrics.json``."""
 
 
 def mot_columns() -> list[Quantity]:
@@ -40,23 +47,28 @@ def mot_columns() -> list[Quantity]:
     return [*(quantity for key, quantity in reported.items() if key.startswith(MOT)), *beside]
 
 
-def mot_value(metrics: Mapping[str, Any], vehicles: str, column: Quantity) -> float | None:
-    """Return the value of a column in the row ``mot`` or ``mot_all``; None where it has none."""
+def mot_value(metrics: Mapping[str, Any], vehicles: str, column: Quantity) -> str:
+    """Return a score of the vehicles ``mot`` or ``mot_all``, counts with what they are out of; a dash for none."""
     if column.key in BESIDE:
-        return column.of(metrics) if vehicles == "mot" else None
-    value: float | None = metrics[vehicles].get(column.key.removeprefix(MOT))
-    return value
+        return number(column.of(metrics) if vehicles == "mot" else None, column.decimals)
+    scores, key = metrics[vehicles], column.key.removeprefix(MOT)
+    return out_of(number(scores.get(key), column.decimals), scores.get(OUT_OF.get(key)))
 
 
 def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -> list[list[str]]:
-    """Return name, value and better direction of the other scores of a list."""
+    """Return name, value, better direction and number of samples of the other scores of a list."""
     shown = {quantity.key for quantity in mot_columns()}
     others = [(quantity, quantity.of(metrics)) for quantity in view(listed, IN_WORDS) if quantity.key not in shown]
     return [
-        [quantity.label, number(value, quantity.decimals), better(quantity)]
+        [quantity.label, number(value, quantity.decimals), better(quantity), _samples(quantity, metrics)]
         for quantity, value in others
         if value is not None or not quantity.is_of_some_runs
     ]
+
+
+def _samples(quantity: Quantity, metrics: Mapping[str, Any]) -> str:
+    count = replace(quantity, key=quantity.weight).of(metrics) if quantity.weight else None
+    return number(count, 2, " km") if quantity.weight.endswith(".km") else number(count, 0)
 
 
 def better(quantity: Quantity) -> str:
@@ -104,35 +116,35 @@ def _table(title: str) -> Table:
 
 
 def _error_table(mae: Mapping[str, Any]) -> Table:
-    table = _table("Mean absolute error while followed, by visibility")
+    table = _table("Mean absolute error while followed (share of vehicle-steps), by visibility")
     table.add_column("vehicles", no_wrap=True)
     for _, heading in MAE_COLUMNS:
         table.add_column(heading, justify="right")
     table.add_column("followed", justify="right")
-    table.add_column("samples", justify="right")
     for key, name in VISIBILITY_ROWS:
         row = mae[key]
         errors = (number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS)
-        table.add_row(name, *errors, number(row.get("followed_percent"), 0, " %"), number(row.get("n"), 0))
+        table.add_row(name, *errors, out_of(number(row.get("followed_percent"), 0, " %"), row.get("of_n")))
     return table
 
 
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
-    table = _table("Tracks against truth, missed and false in steps")
-    table.add_column("vehicles", no_wrap=True)
-    columns = [column for column in mot_columns() if column.key not in BESIDE]
-    for column in columns:
-        table.add_column(column.heading, justify="right")
-    for key, name in (("mot", "in sight"), ("mot_all", "seen in last 10 s")):
-        table.add_row(name, *(number(mot_value(metrics, key, column), column.decimals) for column in columns))
+    table = _table("Tracks against truth (missed: no track on a vehicle; false: no vehicle at a track)")
+    table.add_column("score", no_wrap=True)
+    for name in ("in sight", "seen in last 10 s"):
+        table.add_column(name, justify="right")
+    for column in mot_columns():
+        if column.key not in BESIDE:
+            table.add_row(column.heading, *(mot_value(metrics, vehicles, column) for vehicles in ("mot", "mot_all")))
     return table
 
 
 def _score_table(metrics: Mapping[str, Any]) -> Table:
-    table = _table("Hidden vehicles and braking")
+    table = _table("Hidden vehicles")
     table.add_column("score", no_wrap=True)
     table.add_column("value", justify="right")
     table.add_column("better")
+    table.add_column("samples", justify="right")
     for row in other_scores(metrics, PRINTED):
         table.add_row(*row)
     return table
@@ -156,16 +168,17 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"fast as real time, the tracker {number(timing['tracker_ms']['p50'], 1)} ms a step; "
         f"{number(timing['total_s'], 1)} s in all, with loading, warm-up, scoring and drawing"
     )
-    plain = _plain_view(metrics.get("in_plain_view") or {})
-    return Text("\n".join((*plain, events, "What scores mean: docs/explanation/scores.md", road, speed)))
+    plain, driver = _plain_view(metrics.get("in_plain_view") or {}), decision_sentence(metrics)
+    lines = (plain, events, driver, "What scores mean: docs/explanation/scores.md", road, speed)
+    return Text("\n".join(line for line in lines if line))
 
 
-def _plain_view(scores: Mapping[str, Any]) -> list[str]:
-    """Return a line on the vehicles in plain view; none of a run that was scored before there was such a score."""
+def _plain_view(scores: Mapping[str, Any]) -> str:
+    """Return a line on the vehicles in plain view; empty for a run that was scored before there was such a score."""
     if scores.get("recall") is None:
-        return []
-    return [
+        return ""
+    return (
         f"In plain view, vehicles had a track {number(scores['recall'], 1, ' %')} of the time (worst tenth "
-        f"{number(scores['worst_tenth'], 1, ' %')}); {scores['never_reported']} never got one, {scores['dropped']} "
-        "lost it"
-    ]
+        f"{number(scores['worst_tenth'], 1, ' %')}); {out_of(str(scores['never_reported']), scores.get('vehicles_n'))} "
+        f"vehicles never got one; tracks lost: {scores['dropped']}"
+    )

@@ -53,7 +53,7 @@ def traffic_source(metrics: Metrics) -> str:
 
 def summary_sentences(metrics: Metrics) -> list[str]:
     """Return the run's result as a few sentences; what was not measured is not mentioned."""
-    parts = (_in_plain_view, _hidden, _occlusions, _trust, _decisions)
+    parts = (_in_plain_view, _hidden, _occlusions, _trust, decision_sentence)
     return [sentence for part in parts if (sentence := part(metrics))]
 
 
@@ -61,12 +61,11 @@ def _in_plain_view(metrics: Metrics) -> str:
     plain = metrics.get("in_plain_view") or {}
     if plain.get("recall") is None:
         return ""
-    never, dropped = plain["never_reported"], plain["dropped"]
     worst = "" if plain["worst_tenth"] is None else f" ({plain['worst_tenth']:.0f} % for the worst tenth of them)"
-    got = f"{_none(never, 'vehicle')} never got a track" if never else "Every vehicle got a track"
     return (
-        f"Vehicles in plain view within 60 m had a track {plain['recall']:.1f} % of the time{worst}. {got}, and "
-        f"{_none(dropped, 'vehicle')} lost it while in plain view."
+        f"Vehicles in plain view within 60 m had a track {plain['recall']:.1f} % of the time{worst}. "
+        f"{out_of(str(plain['never_reported']), plain.get('vehicles_n'))} vehicles never got a track. Tracks were lost "
+        f"in plain view {_times(plain['dropped'])}."
     )
 
 
@@ -134,20 +133,20 @@ def _decided(metrics: Metrics) -> Metrics:
     return decisions if decisions.get("n") else {}
 
 
-def _decisions(metrics: Metrics) -> str:
+def decision_sentence(metrics: Metrics) -> str:
+    """Return a sentence on missed and phantom brakings; empty where no driver was used."""
     decisions = _decided(metrics)
     if not decisions:
         return ""
-    needed = decisions["onsets"] + decisions["missed"]
-    missed = (
-        f"would have missed {_none(decisions['missed'], 'braking')}"
-        if needed
-        else "had no need to brake, so missed brakings can't be judged"
-    )
     return (
-        f"On {decisions['km']:.2f} km, a driver who relied on these tracks {missed}, and had "
+        f"On {decisions['km']:.2f} km, a driver who relied on these tracks {_missed(decisions)}, and had "
         f"{_none(decisions['phantom'], 'phantom braking')}."
     )
+
+
+def _missed(decisions: Metrics) -> str:
+    needed = decisions["onsets"] + decisions["missed"]
+    return f"missed {out_of(str(decisions['missed']), needed)} necessary brakings" if needed else "had no need to brake"
 
 
 def decision_summary(metrics: Metrics) -> str:
@@ -157,7 +156,7 @@ def decision_summary(metrics: Metrics) -> str:
         return ""
     driver = metrics["run"].get("driver", "")
     fates = [f"{count} {WHY_MISSED[fate]}" for fate, count in decisions["missed_by"].items() if count]
-    missed = _none(decisions["missed"], "braking") + (f" ({', '.join(fates)})" if fates else "")
+    missed = _missed(decisions) + (f" ({', '.join(fates)})" if fates else "")
     ghosts = decisions["phantom_by"]["ghost"]
     phantom = _none(decisions["phantom"], "phantom braking")
     phantom += f" ({ghosts} for a track that follows no vehicle)" if ghosts else ""
@@ -166,7 +165,7 @@ def decision_summary(metrics: Metrics) -> str:
     lateness = "" if late is None else f" {starts} {late:.1f} s late on average."
     return (
         f"At each step, a driver model ({driver}) chooses the ego's acceleration, once from the truth and once from "
-        f"the tracks. The ego does not follow it. On {decisions['km']:.2f} km, this driver missed {missed}, and had "
+        f"the tracks. The ego does not follow it. On {decisions['km']:.2f} km, this driver {missed}, and had "
         f"{phantom}. Missed: for half a second or longer, it chooses -2 m/s² or less from the truth, and more than -1 "
         "m/s² from the tracks. Phantom: the reverse. The two accelerations differ by "
         f"{decisions['accel_difference_mps2']:.2f} m/s² on average.{lateness}"
@@ -184,3 +183,8 @@ def _times(count: int) -> str:
 def number(value: float | None, decimals: int, unit: str = "") -> str:
     """Return a number with its unit, or a dash for none."""
     return "-" if value is None else f"{value:.{decimals}f}{unit}"
+
+
+def out_of(part: str, total: float | None) -> str:
+    """Return a count or share with the number that it is out of, if that is known."""
+    return f"{part} of {total:.0f}" if total else part

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from harness.analysis.compare import Judgement
-from harness.analysis.comparison_text import MOST_MOMENTS, as_markdown, conclusion
+from harness.analysis.comparison_text import MOST_MOMENTS, as_markdown, conclusion, print_comparison
 from harness.analysis.verdicts import NO_WORSE, UNDECIDED, WORSE, Rules, Verdict
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 
@@ -35,6 +35,15 @@ def test_what_is_undecided_says_why_before_anything_else():
     assert "about 7 more seeds" in reason
     worse = comparison(verdict(word=WORSE), verdict(IDF1, UNDECIDED, more_units=7))
     assert "7 more seeds" not in as_markdown(worse)
+
+
+def test_the_screen_begins_with_the_verdict_and_shows_only_what_is_judged(capsys):
+    found = comparison(verdict(word=WORSE), verdict(IDF1, NO_WORSE, primary=False))
+    print_comparison(found)
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert lines[0].startswith("Worse: b is worse in HOTA in sight")
+    assert [line.split()[0] for line in lines if "80.00" in line] == ["HOTA"]
+    assert any(line.startswith("1 other metrics are not judged") for line in lines)
 
 
 def test_of_many_moments_the_first_are_listed_and_of_none_nothing_is():

@@ -18,7 +18,6 @@ from harness.report.failures import (
     occlusion_sentence,
     withheld_sentence,
     withheld_vehicles,
-    withheld_words,
     worst_brakings,
     worst_events,
     worst_failures,
@@ -131,7 +130,7 @@ def test_a_withheld_vehicle_is_told_in_a_plain_sentence(length_m, kind, begins, 
     told = withheld_sentence(ENTRY | {"kind": kind}, length_m)
     assert told.startswith(begins)
     assert told.endswith(ends)
-    assert "plain view at 15 m had no track for 4.1 s; it was detected in 36 % of scans." in told
+    assert "plain view at 15 m had no track for 4.1 s; it was detected in 36 % of these scans." in told
 
 
 def with_vehicles(run, *entries):
@@ -141,7 +140,6 @@ def with_vehicles(run, *entries):
 def test_an_old_run_and_a_vehicle_that_is_not_shown_give_no_withheld_vehicle(run):
     old = replace(run, metrics={key: value for key, value in run.metrics.items() if key != "in_plain_view"})
     assert withheld_vehicles(old) == []
-    assert withheld_words(old.metrics) == ""
     assert withheld_vehicles(with_vehicles(run, ENTRY | {"id": "gone"}, ENTRY | {"to_s": 99.0})) == []
 
 
@@ -152,23 +150,27 @@ def test_at_most_four_withheld_vehicles_are_shown_the_worst_first(run):
 
 def test_the_page_says_how_many_are_withheld_and_tells_the_first(run):
     text = write_run_page(run.folder).read_text(encoding="utf-8")
-    assert "come first (1 never got a track)." in text
-    first = text.index("A car in plain view at 15 m had no track for 4.1 s; it was detected in 36 % of scans.")
+    assert "come first: 1 of 2 vehicles never got a track; tracks lost: 0." in text
+    first = text.index("A car in plain view at 15 m had no track for 4.1 s; it was detected in 36 % of these scans.")
     assert first < text.index("far, hidden for")
 
 
 def test_the_screen_the_page_and_the_summary_tell_recall_and_an_old_run_has_none(run, capsys):
-    scores = run.metrics["in_plain_view"] | {"recall": 97.25, "worst_tenth": 12.0, "never_reported": 1, "dropped": 2}
-    known = run.metrics | {"in_plain_view": scores}
+    counts = {"never_reported": 1, "dropped": 2, "vehicles_n": 28}
+    scores = run.metrics["in_plain_view"] | {"recall": 97.25, "worst_tenth": 12.0} | counts
+    known = run.metrics | {"in_plain_view": scores, "mot": run.metrics["mot"] | {"false_tracks": 7, "tracks_n": 450}}
     old = {key: value for key, value in run.metrics.items() if key != "in_plain_view"}
     sentence = (
-        "had a track 97.2 % of the time (12 % for the worst tenth of them). 1 vehicle never got a track, and 2 vehicles"
+        "had a track 97.2 % of the time (12 % for the worst tenth of them). 1 of 28 vehicles never got a track. Tracks "
+        "were lost in plain view twice."
     )
     assert sentence in " ".join(summary_sentences(known))
     assert "97.2" in str(mot_table(known))
+    assert "<td>7 of 450</td>" in str(mot_table(known)), "a count of false tracks says of how many"
     print_summary(known, run.folder)
     screen = " ".join(capsys.readouterr().err.split())
-    assert "vehicles had a track 97.2 % of the time (worst tenth 12.0 %); 1 never got one, 2 lost it" in screen
+    assert "97.2 % of the time (worst tenth 12.0 %); 1 of 28 vehicles never got one; tracks lost: 2" in screen
+    assert "track-steps false 7 of 450" in screen
     assert "In plain view" not in " ".join(summary_sentences(old))
     assert "worst tenth %" in str(mot_table(old))
     print_summary(old, run.folder)
@@ -234,7 +236,7 @@ def test_a_broken_table_of_brakings_is_refused_in_one_line(driven, change):
 def test_the_summary_is_told_without_what_was_not_measured(driven):
     metrics = json.loads((driven / runfolder.METRICS).read_text())
     metrics["decisions"] |= {"missed": 1, "phantom": 0, "lateness_s": 0.4, "onsets": 3}
-    assert "missed 1 braking, and had no phantom brakings" in decision_summary(metrics)
+    assert "missed 1 of 4 necessary brakings, and had no phantom brakings" in decision_summary(metrics)
     assert "In 3 cases in which it had to brake, it would have begun 0.4 s late" in decision_summary(metrics)
     metrics["decisions"] |= {"lateness_s": None, "onsets": 0}
     assert "late" not in decision_summary(metrics)

@@ -147,6 +147,7 @@ def test_a_layer_can_be_hidden(page):
         return page.execute_script("return document.getElementById('road').toDataURL()")
 
     before = shot()
+    page.find_element(By.CSS_SELECTOR, "#layers summary").click()
     box = page.find_element(By.CSS_SELECTOR, "input[data-layer=shadows]")
     box.click()
     assert shot() != before
