@@ -79,8 +79,9 @@ def coasting_errors_m(run: RecordedRun) -> FloatArray:
 def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> list[Row]:
     mae, mot, hidden = metrics["mae"], metrics["mot"], metrics.get("hidden") or {}
     plain, noise = metrics.get("in_plain_view") or {}, metrics.get("detection_noise") or {}
-    occlusion, step_ms, reported = metrics["occlusion"], metrics["timing"]["tracker_ms"], metrics["mot_all"]["tracks_n"]
-    at_a_time = f"of {reported / metrics['timing']['steps']:.1f} tracks in all" if reported else ""
+    occlusion, step_ms = metrics["occlusion"], metrics["timing"]["tracker_ms"]
+    tracks, scans = metrics["mot_all"].get("tracks_n"), metrics["timing"]["steps"]
+    at_a_time = f"of {tracks / scans:.1f} tracks in all" if tracks and scans else ""
     events, kept = occlusion["events"] or 0, occlusion["same_id"] or 0
     told = "constant velocity from the true state when last seen"
     coasting = f"{coasting_m.mean():.2f} m: {told}" if len(coasting_m) else ""
