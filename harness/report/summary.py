@@ -31,7 +31,7 @@ REPORTED = (
 PRINTED = ("hidden", "pseudo_occlusion")
 """What the terminal shows of these; the page shows all."""
 IDEAL_ONE = "(1 is right)"
-IN_WORDS = {
+IN_WORDS: Mapping[str, Mapping[str, Any]] = {
     "mot.id_switches": {"label": "identity switches in sight", "heading": "identity switches", "decimals": 0},
     "mot.missed": {"heading": "vehicle-steps missed"},
     "mot.false_tracks": {"heading": "track-steps false"},
