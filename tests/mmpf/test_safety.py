@@ -90,14 +90,14 @@ def is_reported(tracks: Tracks, place: Place) -> bool:
 @EVERY_RATE
 def test_a_vehicle_that_is_detected_in_a_third_of_scans_keeps_a_reported_track(dt_s: float) -> None:
     dark, reported = driving(20.0, 3, detected=0.35), []
-    for seed in range(3):
+    for seed in range(5):
         for time_s, tracks, _ in drive([dark, *traffic()], 12.0, dt_s, seed=seed):
             if time_s >= 1.0:
                 reported.append(is_reported(tracks, dark.place(time_s)))
     assert np.mean(reported) >= 0.85
 
 
-@pytest.mark.parametrize(("dt_s", "flow_mps", "seed"), [(0.1, 25.0, 1), (0.2, 10.0, 1)])
+@pytest.mark.parametrize(("dt_s", "flow_mps", "seed"), [(0.1, 10.0, 0), (0.1, 25.0, 1), (0.2, 10.0, 1), (0.2, 25.0, 0)])
 def test_a_car_that_stands_amid_flowing_traffic_is_reported_from_eighty_metres_on(
     dt_s: float, flow_mps: float, seed: int
 ) -> None:
@@ -110,11 +110,11 @@ def test_a_car_that_stands_amid_flowing_traffic_is_reported_from_eighty_metres_o
 
 
 @EVERY_RATE
-@pytest.mark.parametrize("begins_s", [0.0, 3.0])
+@pytest.mark.parametrize("begins_s", [0.0, 2.0, 5.0])
 def test_what_flashes_once_is_never_reported(dt_s: float, begins_s: float) -> None:
     flash = Source(partial(steady, 30.0, 4, 20.0), 1.0, begins_s, begins_s + dt_s)
     assert not any(
-        is_reported(tracks, flash.place(time_s)) for time_s, tracks, _ in drive([flash, *traffic()], 5.0, dt_s)
+        is_reported(tracks, flash.place(time_s)) for time_s, tracks, _ in drive([flash, *traffic()], 8.0, dt_s)
     )
 
 
@@ -131,7 +131,7 @@ def false_objects(duration_s: float, life_s: float, seed: int) -> list[Source]:
     return found
 
 
-@pytest.mark.parametrize(("dt_s", "seed"), [pytest.param(0.1, 0, marks=pytest.mark.slow), (0.2, 1)])
+@pytest.mark.parametrize(("dt_s", "seed"), [(0.1, 0), (0.2, 1)])
 def test_false_objects_are_soon_not_reported_any_more_and_vehicles_always_are(dt_s: float, seed: int) -> None:
     """Half a false object a second that lives for two; a car comes into range only after all these were found."""
     false, overtaking = false_objects(45.0, 2.0, seed), driving(-300.0, 1, 28.0)
@@ -164,7 +164,7 @@ def test_a_false_object_that_ends_in_plain_view_is_counted_once(dt_s: float) -> 
 
 def test_without_false_objects_what_appears_in_plain_view_is_soon_a_vehicle() -> None:
     newcomer = Source(partial(steady, 30.0, 4, 20.0), 0.95, 60.0)
-    scans = drive([newcomer, *traffic()], 63.0, 0.2)
+    scans = drive([newcomer, *traffic()], 63.0)
     reported = [is_reported(tracks, newcomer.place(time_s)) for time_s, tracks, _ in scans if time_s >= 61.5]
     assert np.mean(reported) > 0.95
 

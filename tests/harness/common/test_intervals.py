@@ -63,13 +63,13 @@ def test_one_cluster_and_values_that_all_agree_tell_no_scatter():
         assert np.isnan(possible_ci(values, np.ones(len(values)), ERROR).low)
 
 
-@pytest.mark.parametrize("seeds", [3, 10])
+@pytest.mark.parametrize("seeds", [3, 5, 10])
 @pytest.mark.parametrize("share", [0.02, 0.2, 0.8])
 @pytest.mark.parametrize("alike", [0.0, 0.05])
 def test_intervals_of_shares_cover_what_they_say(seeds, share, alike):
     """Outcomes of a seed are alike: beta-binomial with that intraclass correlation, 30 outcomes a seed."""
     rng = np.random.default_rng(7)
-    trials, each = 500, 30.0
+    trials, each = 1000, 30.0
     of_seed = np.full((trials, seeds), share)
     if alike:
         of_seed = rng.beta(share * (1.0 / alike - 1.0), (1.0 - share) * (1.0 / alike - 1.0), (trials, seeds))
@@ -78,7 +78,7 @@ def test_intervals_of_shares_cover_what_they_say(seeds, share, alike):
     assert np.mean([one.low <= 100.0 * share <= one.high for one in found]) >= 0.93
 
 
-@pytest.mark.parametrize("seeds", [3, 10])
+@pytest.mark.parametrize("seeds", [3, 5, 10])
 @pytest.mark.parametrize("rate", [0.1, 1.0, 5.0])
 @pytest.mark.parametrize("overdispersed", [1.0, 2.0])
 def test_intervals_of_rates_cover_what_they_say(seeds, rate, overdispersed):

@@ -13,7 +13,7 @@ from tests.harness.scoring.scenes import STEP_S, score_run, traffic
 STEPS = 250
 
 
-@pytest.fixture(scope="module", params=[0, 1])
+@pytest.fixture(scope="module", params=[0, 1, 2])
 def run(request):
     truth, detections, tracks = traffic(steps=STEPS, vehicles=30, seed=request.param)
     return score_run(truth, detections, tracks), PlainLoops(truth, detections, tracks)

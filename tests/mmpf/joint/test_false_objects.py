@@ -146,19 +146,19 @@ def test_counts_recover_the_population_that_they_are_of() -> None:
 
 def test_what_was_learned_of_those_that_stand_is_where_those_that_move_begin() -> None:
     learned = FalseObjects.none()
-    for _ in range(300):
+    for _ in range(1000):
         learned = learned.with_removed(np.zeros((1, *SHAPE)), ended_as(STANDING, 1), np.ones(1))
-    assert learned.profiles(OPTIONS)[:, 1] == pytest.approx([1.0, 1.0], abs=0.03)
-    for _ in range(300):
+    assert learned.profiles(OPTIONS)[:, 1] == pytest.approx([1.0, 1.0], abs=0.01)
+    for _ in range(1000):
         learned = learned.with_removed(np.zeros((1, *SHAPE)), ended_as(MOVING, 5), np.ones(1))
-    assert learned.profiles(OPTIONS)[0, 1] == pytest.approx(1.0, abs=0.03)
-    assert learned.profiles(OPTIONS)[1, 5] == pytest.approx(1.0, abs=0.03)
+    assert learned.profiles(OPTIONS)[0, 1] == pytest.approx(1.0, abs=0.01)
+    assert learned.profiles(OPTIONS)[1, 5] == pytest.approx(1.0, abs=0.01)
 
 
 def test_what_is_forgotten_does_not_bias_the_rate() -> None:
     learned, rng = FalseObjects.none(), np.random.default_rng(1)
     rates = []
-    for step in range(2000):
+    for step in range(4000):
         learned = learned.after(0.5, 60.0)
         for _ in range(rng.poisson(1.0)):
             learned = learned.with_removed(np.zeros((1, *SHAPE)), ended_as(STANDING, 2), np.ones(1))
