@@ -83,7 +83,7 @@ def print_comparison(comparison: Judgement) -> None:
     if comparison.why is not None:
         parts.append(_screen_causes(comparison.why))
     others = len({verdict.metric for verdict in comparison.verdicts if not verdict.primary})
-    more = [f"{others} other metrics are not judged; --html FILE and --markdown FILE show them."] if others else []
+    more = [f"Other metrics, not judged: {others}; --html FILE and --markdown FILE show them."] if others else []
     parts += [Text(note) for note in (*more, *comparison.notes)]
     told = Text(f"\n{conclusion(comparison)}", style=COLOURS[comparison.outcome])
     Console(stderr=True, highlight=False).print(Group(told, *parts))

@@ -43,7 +43,7 @@ class Options(TypedDict):
     primary: Annotated[
         str | None,
         Option(
-            "Metrics that get a verdict, separated by commas; other metrics are only in the files. "
+            "Metrics that get a verdict, separated by commas; others are only in the files of --html and --markdown. "
             "(default: mot.hota, hidden.hidden_cost_m, occlusion.same_id_percent, in_plain_view.recall, "
             "in_plain_view.worst_tenth; for drives drive.collided_percent, drive.ttc_below_1_5_percent, "
             "drive.hard_brakes_per_km)"
@@ -74,9 +74,10 @@ def command(options: Options) -> int:
     B is clearly worse by more than the tolerance, after a correction for the
     number of verdicts. "no worse": no value in the 95 % interval is worse by
     more than the tolerance. Otherwise "undecided", with the number of seeds
-    that would decide. Other metrics are only in the files. Stress tests are paired
-    by seed and setting, two single runs by vehicle, and drives ('drive') by
-    episode, on collisions, short times to collision and hard brakes.
+    that would decide. Other metrics are only in the files of --html
+    and --markdown. Stress tests are paired by seed and setting, two single
+    runs by vehicle, and drives ('drive') by episode, on collisions,
+    short times to collision and hard brakes.
     Exit code 0: no worse. 1: worse. 4: undecided, or runs or values are missing.
 
     Examples:

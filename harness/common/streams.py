@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 from fcntl import F_DUPFD_CLOEXEC, fcntl
 from typing import TextIO
 
-HIGH = 64
-"""Copies of streams have higher numbers than code that closes a few descriptors from 0 on reaches."""
+LEAST_COPY = 64
+"""Copies of streams have descriptors from here on, beyond what code closes that closes the first few."""
 
 
 def open_missing_streams() -> None:
@@ -27,7 +27,10 @@ def streams_kept() -> Iterator[None]:
 
     The block may lead their descriptors elsewhere: what was written before is flushed, and what it writes in it too.
     """
-    kept = [(n, s, getattr(sys, s), fcntl(n, F_DUPFD_CLOEXEC, HIGH)) for n, s in ((1, "stdout"), (2, "stderr"))]
+    kept = [
+        (number, name, getattr(sys, name), fcntl(number, F_DUPFD_CLOEXEC, LEAST_COPY))
+        for number, name in ((1, "stdout"), (2, "stderr"))
+    ]
     for _, _, stream, _ in kept:
         _flush(stream)
     try:

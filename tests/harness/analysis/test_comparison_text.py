@@ -43,7 +43,7 @@ def test_the_screen_begins_with_the_verdict_and_shows_only_what_is_judged(capsys
     lines = capsys.readouterr().err.strip().splitlines()
     assert lines[0].startswith("Worse: b is worse in HOTA in sight")
     assert [line.split()[0] for line in lines if "80.00" in line] == ["HOTA"]
-    assert any(line.startswith("1 other metrics are not judged") for line in lines)
+    assert any(line.startswith("Other metrics, not judged: 1;") for line in lines)
 
 
 def test_of_many_moments_the_first_are_listed_and_of_none_nothing_is():
