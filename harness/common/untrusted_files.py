@@ -160,7 +160,7 @@ def reading(path: object, what: str) -> Iterator[None]:
     except InputError:
         raise
     except MemoryError:
-        raise InputError(f"{path} needs more memory than is allowed; give a smaller file, or one that is not broken") from None
+        raise InputError(f"{path} needs more memory than is allowed; give a smaller or a sound file") from None
     except FileNotFoundError:
         raise InputError(f"{path} is missing; it should be the {what}") from None
     except Exception as error:
