@@ -49,7 +49,7 @@ def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
     value = json.loads((folder / "metrics.json").read_text())["toy"]["tracks"]
     assert value == len(pd.read_parquet(folder / "tracks.parquet")) / STEPS > 0.0
     assert (
-        f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td><td>higher</td></tr>"
+        f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td><td>higher</td>"
         in (folder / "report.html").read_text()
     )
 
