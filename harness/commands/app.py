@@ -34,7 +34,6 @@ AS_TYPED = (InputError, UnknownNameError, RunError, RunInterruptedError)
 TRACEBACK = "HARNESS_TRACEBACK"
 LONGEST_LINE = 1200
 
-
 # What the overview tells of each command, under a heading.
 PANELS = {
     "Run and look": {
@@ -108,10 +107,9 @@ def _outcome(group: TyperGroup, arguments: Sequence[str], called: str | None) ->
         outcome = group(args=words, prog_name="python -m harness", standalone_mode=False)
         sys.stdout.flush()
     except (BrokenPipeError, SystemExit) as error:
-        # Typer makes a SystemExit of a reader that has gone.
         if isinstance(error, SystemExit) and not isinstance(error.__context__, BrokenPipeError):
             raise
-        # Python would complain once more when it flushes stdout at its end.
+        # Typer made a SystemExit of a reader that has gone; Python would complain of it again when it flushes stdout.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return exit_codes.READER_GONE
     except (Exception, KeyboardInterrupt) as error:

@@ -8,6 +8,7 @@ from typing import Annotated, TypedDict
 
 import typer
 
+from harness.common.errors import InputError
 from harness.config import options as shared
 from harness.config.options import Option
 
@@ -57,7 +58,6 @@ def command(options: Options) -> None:
       python -m harness export results/us101-mmpf-residual-d20-s0 --video run.mp4
       python -m harness export results/us101-mmpf-residual-d20-s0 --to my_format:write
     """
-    from harness.common.errors import InputError  # noqa: PLC0415
     from harness.export.formats import export_formats, export_run  # noqa: PLC0415
 
     folder, to, video, force = options["folder"], options["to"], options["video"], options["force"]

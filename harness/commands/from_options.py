@@ -8,8 +8,6 @@ from operator import getitem
 from typing import Annotated, Any, cast, get_type_hints
 
 import typer
-from pydantic import Field, TypeAdapter
-from pydantic_core import PydanticCustomError
 
 from harness.config.options import Declared, declared
 
@@ -68,6 +66,9 @@ def _parameter(name: str, entry: Declared) -> inspect.Parameter:
 
 def _reader(kind: type, least: float | None, most: float | None) -> Callable[[object], object]:
     """Return what reads a number as typer does, but neither 1_0 for 10 nor 1.0 for a whole number."""
+    from pydantic import Field, TypeAdapter  # noqa: PLC0415  (the overview does without)
+    from pydantic_core import PydanticCustomError  # noqa: PLC0415
+
     known: TypeAdapter[Any] = TypeAdapter(cast("Any", getitem(Annotated, (kind, Field(ge=least, le=most)))))
 
     def read(given: object) -> object:

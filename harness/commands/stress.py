@@ -8,6 +8,7 @@ import sys
 
 import typer
 
+from harness.common.errors import RunError
 from harness.config import options as shared
 from harness.grid.options import GridOptions
 
@@ -52,7 +53,6 @@ def command(options: Options) -> None:
       python -m harness stress --scheduler tcp://host:8786
     """
     from harness.api import make_grid  # noqa: PLC0415
-    from harness.common.errors import RunError  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
     finished = make_grid(options, shlex.join(["harness", *sys.argv[1:]]), quiet)

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
-
-from pydantic import ValidationError
+from typing import TYPE_CHECKING, NamedTuple
 
 from harness.common.errors import RunError
+
+if TYPE_CHECKING:  # `--help` answers sooner without pydantic
+    from pydantic import ValidationError
 
 MOST_NAMED = 8
 PACKAGES = {"harness", "mmpf"}

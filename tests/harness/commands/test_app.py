@@ -94,7 +94,7 @@ def test_an_installed_copy_says_so_where_the_user_stands_in_a_checkout(tmp_path,
 
 
 def test_overview_loads_nothing_heavy():
-    heavy = "libsumo pandas numba matplotlib sklearn stonesoup scipy pyarrow numpy"
+    heavy = "libsumo pandas numba matplotlib sklearn stonesoup scipy pyarrow numpy pydantic"
     script = (
         "import sys; from harness.commands.app import run_command_line as run; code = run(['--help']);"
         f"print(code, [name for name in '{heavy}'.split() if name in sys.modules], file=sys.stderr)"
