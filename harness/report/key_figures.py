@@ -37,10 +37,10 @@ def key_rows(run: RecordedRun) -> list[Row]:
     return _rows(run.metrics, coasting_errors_m(run), run.step_s)
 
 
-def first_figures(found: Sequence[Row]) -> list[tuple[str, str, str]]:
-    """Return name, value and what to compare it with of the figures that stand at the top of the page."""
+def first_figures(found: Sequence[Row]) -> list[tuple[str, str, str, str]]:
+    """Return name, value, interval and what to compare it with of the figures that stand at the top of the page."""
     known = (row for row in found if row[0] in FIRST and row[2] != "-")
-    return [(name, value, other or f"perfect: {best}") for name, _, value, _, best, other in known]
+    return [(name, value, spread, other or f"perfect: {best}") for name, _, value, spread, best, other in known]
 
 
 def key_figures(found: Sequence[Row]) -> Markup:
