@@ -86,9 +86,21 @@ def test_names_of_plug_ins_are_the_very_objects_of_the_modules_that_define_them(
     assert mmpf.UndetectedTraffic is UnseenTraffic
 
 
-def test_public_modules_import_nothing_before_a_name_is_used() -> None:
-    loaded = (
-        "import harness.plugins, mmpf, sys; print({'numpy', 'pandas', 'scipy', 'typer', 'numba'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert done.stdout.strip() == "set()"
+def loaded_after(statement: str) -> set[str]:
+    code = f"{statement}; import sys; print(*sys.modules)"
+    return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+
+
+HEAVY = {"libsumo", "matplotlib", "numba", "numpy", "pandas", "pydantic", "scipy", "sklearn", "typer"}
+
+
+@pytest.mark.parametrize(
+    ("statement", "unloaded"),
+    [
+        ("import harness.plugins, mmpf", HEAVY),
+        ("from mmpf import Scan, Detections, Tracks, CONFIRMED, check_scan, highway", HEAVY - {"numpy"}),
+        ("from mmpf import MixtureTracker", {"libsumo", "traci", "matplotlib", "harness"}),
+    ],
+)
+def test_nothing_heavy_is_loaded_before_it_is_needed(statement: str, unloaded: set[str]) -> None:
+    assert not loaded_after(statement) & unloaded
