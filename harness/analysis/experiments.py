@@ -23,7 +23,7 @@ WORLD = (
 """Numbers that traffic and detections alone decide: where they differ, two runs did not see the same."""
 VARIED = ("seed", "replay", "traffic.net", "traffic.density", "traffic.demand", "traffic.recording.ego")
 """Settings that runs of one grid differ in, by which they are paired."""
-OF_DRIVES = ("driver", "heed_unseen", "provoke", "flow", "detected", "gap_bias")
+OF_DRIVES = ("driver", "heed_unseen", "provoke", "flow", "detected")
 TRACKING = "tracker."
 TRACKER = "tracker.name"
 

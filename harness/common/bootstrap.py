@@ -26,13 +26,8 @@ class Interval:
 
 def independent_ci(values: FloatArray, rng: np.random.Generator, draws: int = 1000) -> Interval:
     """Return the 95 % percentile bootstrap interval of the mean of independent values, shape (n,), none of them nan."""
-    low, high = np.quantile(resampled_means(values, rng, draws), (0.025, 0.975))
+    low, high = np.quantile(rng.choice(values, (draws, len(values))).mean(axis=1), (0.025, 0.975))
     return Interval(float(low), float(high))
-
-
-def resampled_means(values: FloatArray, rng: np.random.Generator, draws: int) -> FloatArray:
-    """Return the means of as many values drawn with replacement, shape (draws,)."""
-    return np.asarray(rng.choice(values, (draws, len(values))).mean(axis=1))
 
 
 def sums_by_label(values: FloatArray, groups: IntArray) -> tuple[FloatArray, FloatArray]:

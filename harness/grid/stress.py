@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from harness.analysis.curve_charts import curve_charts
 from harness.analysis.curves import Break, Point, breaks, curve_points
@@ -30,9 +30,6 @@ from harness.storage.grid_rows import Row
 from harness.storage.schema import MISMATCH, RECORDING
 from harness.storage.tables import write_table
 from harness.truth.network.network import load_network
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,11 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     config = config_from_table(runfolder.read_config_table(folder, parameter))
     check_sensor_of_folder(config.sensor, folder, parameter)
 
-    last_step = None if most_rows is None else _last_step(folder / runfolder.TRUTH, parameter, most_rows)
+    last_step = None
+    if most_rows is not None:
+        file = folder / runfolder.TRUTH
+        check_file(file, parameter)
+        last_step = isolated(partial(_last_step, file, most_rows), f"`{parameter}`: {file}")
 
     def table(name: str) -> pd.DataFrame:
         step = "to_step" if "to_step" in TABLES[name].needed else "step"
@@ -150,13 +154,8 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     )
 
 
-def _last_step(truth: Path, parameter: str, most_rows: int) -> int | None:
+def _last_step(truth: Path, most_rows: int) -> int | None:
     """Return the last step of the stretches that are read; None if these are all, or if the table is no run's."""
-    check_file(truth, parameter)
-    return isolated(partial(_step_of_row, truth, most_rows), f"`{parameter}`: {truth}")
-
-
-def _step_of_row(truth: Path, most_rows: int) -> int | None:
     try:
         footer = pq.read_metadata(truth)
         step = footer.schema.names.index("step")

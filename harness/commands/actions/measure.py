@@ -38,34 +38,28 @@ def measure(options: Mapping[str, Any]) -> int:
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "bench.json", as_json(result))
     if not quiet:
-        show_markdown(_tables(result), on_stderr=True)
+        show_markdown(_table(result), on_stderr=True)
         typer.echo(f"written to {out}", err=True)
     if options["json"]:
         typer.echo(as_json(result), nl=False)
     return WORSE if any(row["verdict"] == "slower" for row in result.get("against", ())) else DONE
 
 
-def _tables(result: Mapping[str, Any]) -> str:
-    """Return the tables as Markdown; a dash stands where the tracker's time was up."""
+def _table(result: Mapping[str, Any]) -> str:
+    """Return the table as Markdown; a dash stands where the tracker's time was up."""
 
     def cell(value: object) -> str:
         return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
 
-    heads = {
-        "Processor time of a step, now and then": ("against", ""),
-        "Time of a step and its stages, median in ms": ("rows", "stages_ms_p50"),
-    }
-    lines: list[str] = []
-    for title, (name, stages) in heads.items():
-        if name not in result:
-            continue
-        rows = [{key: row[key] for key in row if key != stages} for row in result[name]]
-        told = [
-            ", ".join(f"{stage} {cell(ms)}" for stage, ms in row.get(stages, {}).items()) or "-" for row in result[name]
-        ]
-        cells = [[*map(cell, row.values()), *([text] if stages else [])] for row, text in zip(rows, told, strict=True)]
-        lines += [f"## {title}", "", *markdown_table([*rows[0], *(["stages"] if stages else [])], cells), ""]
-    return "\n".join(lines)
+    if "against" in result:
+        title, rows = "Processor time of a step, now and then", result["against"]
+    else:
+        title, rows = "Time of a step and its stages, median in ms", []
+        for row in result["rows"]:
+            stages = ", ".join(f"{stage} {cell(ms)}" for stage, ms in row["stages_ms_p50"].items()) or "-"
+            rows.append({name: row[name] for name in row if name != "stages_ms_p50"} | {"stages": stages})
+    table = markdown_table(list(rows[0]), [[*map(cell, row.values())] for row in rows])
+    return "\n".join([f"## {title}", "", *table, ""])
 
 
 def _counts(text: str) -> tuple[int, ...]:

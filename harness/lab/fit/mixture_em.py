@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
 
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
@@ -13,9 +12,6 @@ from mmpf.motion.gmm.conditional import ConditionalGmm
 from mmpf.motion.gmm.kernel import Scaling
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.numerics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    from sklearn.mixture import GaussianMixture
 
 REGULARISATION = 1e-6
 ITERATIONS = 60

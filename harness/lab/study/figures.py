@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from harness.common.bootstrap import independent_ci
 from harness.common.charts import Charts, curves, draw_charts
 from harness.common.files import save_figure
 from harness.lab.study.study import StudyResult
-from harness.lab.windows.scores import mean_with_interval
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 
@@ -128,5 +129,6 @@ def _reference(result: StudyResult, row: int) -> FloatArray:
 def _errors(result: StudyResult, occlusion: str, model: str, quantity: str) -> Iterator[dict[str, Any]]:
     error = result.scores[occlusion, model].abs_error[quantity]
     for step in np.unique(np.append(np.arange(0, len(error), ERRORS_EVERY), len(error) - 1)):
-        mean, (low, high) = mean_with_interval(error[step], np.random.default_rng(0))
-        yield {"series": model, "place": float((step + 1) * result.step_s), "mean": mean, "low": low, "high": high}
+        interval = asdict(independent_ci(error[step], np.random.default_rng(0)))
+        mean = float(error[step].mean())
+        yield {"series": model, "place": float((step + 1) * result.step_s), "mean": mean} | interval

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
 
+from harness.common.bootstrap import independent_ci
 from harness.lab.windows.cases import Cases
 from harness.lab.windows.filtering import Cloud, MeasurementNoise, follow, measure
-from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, mean_with_interval, score
+from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, score
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
@@ -112,9 +113,9 @@ def score_row(scores: Scores, steps: int | slice, horizon_s: float | None) -> di
 
     row: dict[str, Any] = {"horizon_s": horizon_s}
     for name in QUANTITIES:
-        mean, interval = mean_with_interval(by_case(scores.abs_error[name]), rng)
-        row[name] = mean
-        row[f"{name}_ci95"] = list(interval)
+        errors = by_case(scores.abs_error[name])
+        row[name] = float(errors.mean())
+        row[f"{name}_ci95"] = list(astuple(independent_ci(errors, rng)))
     for name in ("lon_m", "speed_mps"):
         row[f"coverage95_{name}"] = float(scores.covered[name][steps].mean())
         row[f"spread_{name}"] = float(scores.spread[name][steps].mean())

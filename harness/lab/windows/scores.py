@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from harness.common.bootstrap import independent_ci
 from harness.lab.windows.cases import Cases
 from harness.lab.windows.filtering import Cloud
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
@@ -16,7 +15,6 @@ from mmpf.numerics.arrays import FloatArray
 
 QUANTITIES = {"lon_m": LON, "lat_m": LAT, "speed_mps": SPEED, "lat_speed_mps": LAT_SPEED}
 INTERVAL = (0.025, 0.975)
-RESAMPLES = 1000
 HORIZONS_S = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -68,14 +66,3 @@ def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> F
     cumulative = np.cumsum(weight, axis=1)
     half_mean_distance = (weight * values * (2.0 * cumulative - weight - 1.0)).sum(axis=1)
     return np.asarray((weight * np.abs(values - true[:, None])).sum(axis=1) - half_mean_distance)
-
-
-def mean_with_interval(values: FloatArray, rng: np.random.Generator) -> tuple[float, tuple[float, float]]:
-    """Return the mean over cases and its 95 % bootstrap interval.
-
-    Args:
-        values: One for each case, shape (m,).
-        rng: Source of the resamples.
-    """
-    interval = independent_ci(values, rng, RESAMPLES)
-    return float(values.mean()), (interval.low, interval.high)

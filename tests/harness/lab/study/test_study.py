@@ -11,7 +11,7 @@ from harness.lab.study.study_text import as_json, as_markdown
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases
 from harness.lab.windows.filtering import MeasurementNoise, follow, measure
-from harness.lab.windows.scores import mean_with_interval, score, weighted_crps
+from harness.lab.windows.scores import score, weighted_crps
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.state import LON, SPEED
 from tests.harness.lab.windows.test_windows import ROAD, steady, traffic
@@ -76,16 +76,6 @@ def test_a_right_model_covers_the_truth_and_errs_little(cases):
     scores = score(follow(kinematic("cvm", ProcessNoise(0.3, 0.05)), cases, 500, np.random.default_rng(0)), cases)
     assert scores.covered["lon_m"].all()
     assert scores.abs_error["lon_m"].max() < 0.5
-
-
-def test_the_interval_of_a_mean_holds_it_and_shrinks_with_more_cases():
-    rng = np.random.default_rng(0)
-    few, many = rng.normal(3.0, 1.0, 30), rng.normal(3.0, 1.0, 3000)
-    (mean, (low, high)), (_, (low_many, high_many)) = (
-        mean_with_interval(v, np.random.default_rng(1)) for v in (few, many)
-    )
-    assert low < mean < high
-    assert high_many - low_many < 0.2 * (high - low)
 
 
 @pytest.fixture(scope="module")
