@@ -146,9 +146,10 @@ def pool_files(table: pd.DataFrame) -> Pooled:
 
 def _files(done: pd.DataFrame) -> list[FileCount]:
     counts = []
-    for name, runs in done.groupby(RECORDING, sort=False):
-        first = runs.iloc[0]
-        read, kept, egos = (int(first[f"recording.{key}"]) for key in ("vehicles_read", "vehicles_kept", "egos"))
+    keys = [f"recording.{key}" for key in ("vehicles_read", "vehicles_kept", "egos")]
+    told = done.reindex(columns=[RECORDING, *keys]).dropna()  # finished runs of simulated traffic count none
+    for name, runs in told.groupby(RECORDING, sort=False):
+        read, kept, egos = (int(runs[key].iloc[0]) for key in keys)
         counts.append(FileCount(str(name), read, kept, read - kept, egos, len(runs)))
     return counts
 

@@ -34,10 +34,7 @@ def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
         "",
         "![hidden](figures/hidden.png)",
         "",
-        "## Files",
-        "",
-        *_file_table(pooled),
-        "",
+        *(["## Files", "", *_file_table(pooled), ""] if pooled.files else []),
     ]
     if failures:
         lines += ["## Runs that failed", "", *(f"- {failure}" for failure in failures), ""]

@@ -262,8 +262,9 @@ def test_a_bag_of_autoware_s_messages_is_replayed_with_its_detections_and_its_tr
     assert len(again.tracks) > 0
     short = harness.run(replay=bag, tracker="detections", duration=1.0, out=tmp_path / "short")
     assert short.truth["step"].nunique() == 10
-    request = GridRequest(net=None, replay=(str(bag),), trackers="detections", seeds="1", duration_s=1.0)
-    assert not run_stress(request, tmp_path / "grid", InProcess(open_snapshots)).failures
+    for path, duration_s in ((bag, 1.0), (run.folder, None)):
+        request = GridRequest(net=None, replay=(str(path),), trackers="detections", seeds="1", duration_s=duration_s)
+        assert not run_stress(request, tmp_path / f"{path.stem}-grid", InProcess(open_snapshots)).failures
 
 
 def test_a_bag_without_the_ego_s_transform_is_one_line(tmp_path, capsys):
