@@ -102,6 +102,8 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
         changes, held_changes = (load_changes(paths, network.road) for paths in (training, tuning))
         return _train_change(plan, network, changes, held_changes, say)
     windows, held_out = (load_following(paths, network.road) for paths in (training, tuning))
+    if (count := len(windows.led)) < (plan.size if plan.case in PAPER_COMPONENTS else 1):
+        raise InputError(f"`seeds`: {count} windows of car following are too few to train on; give more seeds")
     if plan.case not in PAPER_COMPONENTS:
         return _train_follower(plan, network, windows, held_out, say)
     _fit_rivals(plan, network, windows, held_out, load_changes(tuning, network.road), say)
@@ -130,8 +132,6 @@ def _train_keeping(
     plan: TrainingPlan, net: Network, windows: CarFollowing, changes_per_s: float, held_out: CarFollowing, say: Say
 ) -> list[Path]:
     led = windows.led
-    if len(led) < plan.size:
-        raise InputError(f"`seeds`: {len(led)} windows of car following are too few to train on; give more seeds")
     own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
     say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
     driver, follower = fit_driver(windows, changes_per_s, plan.size, plan.seed, STEP_S, say)

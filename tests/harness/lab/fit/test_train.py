@@ -1,11 +1,13 @@
 """The train command refuses what makes no sense, and trains end to end on little traffic."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from harness.commands.app import run_command_line
+from harness.common.errors import InputError
 from harness.lab.fit import driver_fit, train
 from harness.lab.fit.train import TrainingPlan
 from harness.lab.fit.turning_fit import train_turning
@@ -42,9 +44,11 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     paths = train.train(plan, load_network("us101"), said.append)
     assert load_learned_driver(paths[0]).model.follower.following.mixture.inputs == 6
     assert SHORT.load(paths[1]).mixture.outputs == 4
+    with pytest.raises(InputError, match="0 windows of car following are too few"):
+        train.train(replace(plan, duration_s=10.0), load_network("us101"), said.append)
     again = train.train(plan, load_network("us101"), said.append)
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in paths]
-    assert sum(line.startswith("recorded") for line in said) == 4
+    assert sum(line.startswith("recorded") for line in said) == 6
     card = (tmp_path / "models" / "lane_keeping.md").read_text()
     assert "following" in card
     assert train.KEEPING_LIMITS[0] in card
