@@ -140,7 +140,7 @@ def _read(folder: Path) -> tuple[str, set[str]] | None:
         ledger = read_json(path) if path.is_file() and not path.is_symlink() else None
     except (OSError, ValueError):
         return None
-    if ledger is None or ledger.get("program") != PROGRAM or ledger.get("kind") not in IN_WORDS:
+    if ledger is None or ledger.get("program") != PROGRAM or str(ledger.get("kind")) not in IN_WORDS:
         return None
     files = ledger.get("files")
     return str(ledger["kind"]), {name for name in files if isinstance(name, str)} if isinstance(files, list) else set()

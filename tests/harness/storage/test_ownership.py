@@ -54,9 +54,7 @@ def test_a_run_within_a_run_is_a_result_of_its_own(run):
 @pytest.mark.parametrize(
     "ledger",
     [
-        "",
-        "[]",
-        "{}",
+        *("", "[]", "{}", '{"program": "mmpf-harness", "kind": ["run"]}'),
         '{"program": "another", "kind": "run", "files": ["metrics.json"]}',
         '{"program": "mmpf-harness", "kind": "else"}',
         b"\xff\xfe",
