@@ -210,5 +210,5 @@ def _complain(message: str, exit_code: int) -> int:
     ended = exit_code in (exit_codes.HANGUP, exit_codes.INTERRUPTED, exit_codes.TERMINATED)
     # Nobody may be there to read it any more.
     with suppress(OSError):
-        print(line if ended else f"error: {line}", file=sys.stderr, flush=True)  # noqa: T201
+        sys.stderr.write(f"{line}\n" if ended else f"error: {line}\n")  # a plug-in may have replaced print
     return exit_code
