@@ -41,8 +41,8 @@ def command(options: Options) -> None:
     """
     as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
     folder, metrics, report = score_logs(options, out, force, shlex.join(["harness", *sys.argv[1:]]), write_page)
+    typer.echo(report, err=True)
     if not quiet:
-        typer.echo(report, err=True)
         print_summary(metrics, folder)
     if as_json:
         typer.echo(text_of(metrics), nl=False)

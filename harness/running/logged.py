@@ -173,13 +173,20 @@ def _log(logs: Logs, role: str, path: Path) -> LogFile:
 
 
 def _rows(log: LogFile) -> pd.DataFrame:
-    """Return the rows of a log, with numbers in each column that has a unit in its name."""
+    """Return the rows of a log, with numbers in each column that has a unit in its name, and whole ones that count."""
     rows = log.read()
     for column in (name for name in rows if NUMBERS.search(str(name))):
         try:
             rows[column] = rows[column].astype(np.float64)
         except (ValueError, TypeError) as error:
             raise InputError(f"`{log.role}`: {log.path}: the column {column} holds no number: {error}") from None
+    for column in rows.columns.intersection(["id", "episode"]):
+        if column == "episode" or pd.api.types.is_float_dtype(rows[column]):
+            values = pd.to_numeric(rows[column], errors="coerce")
+            if len(odd := rows.loc[~(values % 1 == 0) | (values.abs() > 2**53), column]):
+                told = f"{str(odd.iloc[0])[:40]} is no whole number, as {column} must be; mend it"
+                raise InputError(f"`{log.role}`: {log.path}: {told}")
+            rows[column] = values.astype(np.int64)
     return rows
 
 

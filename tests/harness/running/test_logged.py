@@ -376,6 +376,8 @@ BROKEN = {
     "no_number.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,here,0\n",
     "infinite.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,inf,0\n",
     "other_clock.csv": b"time_s,track_id,lon_m,lat_m\n1e6,1,1.0,0\n",
+    "half.csv": b"time_s,track_id,lon_m,lat_m\n0.0,4.5,1.0,0\n",
+    "drive.csv": b"time_s,episode,track_id,lon_m,lat_m\n0.0,0.5,1,1.0,0\n",
     "below_zero.csv": b"time_s,track_id,lon_m,lat_m\n0.0,-1,1.0,0\n",
     "cut.json": b'{"results": {"a": [',
     "none.json": b'{"meta": {}}',
