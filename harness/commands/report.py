@@ -46,12 +46,12 @@ def command(options: Options) -> None:
     """
     from harness.report.folder_page import write_page  # noqa: PLC0415
 
-    page = write_page(options["folder"])
     if options["figures"] is not None:
         from harness.report.pictures import write_pictures  # noqa: PLC0415
 
         for picture in write_pictures(options["folder"], options["figures"]):
             typer.echo(str(picture), err=True)
+    page = write_page(options["folder"])
     size_mb = page.stat().st_size / 1e6
     if options["json"]:
         typer.echo(json.dumps({"page": str(page), "size_mb": round(size_mb, 3)}))

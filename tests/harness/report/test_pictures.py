@@ -44,6 +44,7 @@ def test_a_runs_errors_and_worst_moments_are_drawn_and_the_page_stays_as_it_was(
 def test_what_cannot_be_drawn_is_refused_in_a_line(grid, tmp_path_factory, capsys):
     (grid / "table.md").write_text("# T\n")
     assert run_command_line(["report", str(grid), "--figures", "jpeg"]) == WRONG_INPUT
+    assert not (grid / "report.html").exists()
     assert "choose one of png, svg, pdf" in capsys.readouterr().err
     study = tmp_path_factory.mktemp("study")
     (study / "results.md").write_text("# Study\n")
