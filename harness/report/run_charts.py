@@ -43,9 +43,7 @@ def error_charts(errors: pd.DataFrame) -> Charts:
     width_s = _stretch_s(float(errors["time_s"].max()) if len(errors) else 1.0)
     charts = []
     for column, _, label in ERROR_COLUMNS:
-        rows = [
-            row for state in NAMES for row in _over_time(tracked[tracked["state"] == state], state, column, width_s)
-        ]
+        rows = [row for state in NAMES for row in _over_time(tracked, state, column, width_s)]
         tooltip = (("series", "vehicles"), ("stretch", "time"), ("value", label), ("n", "samples"))
         description = f"Mean absolute error of {label}, over time, for visible, partly hidden and hidden vehicles"
         if rows:

@@ -258,49 +258,26 @@ def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: f
 
 def _name_vehicle(axes: Axes, scene: PictureScene) -> None:
     """Write the name of the vehicle that the picture is about below its body."""
-    frame, outline = scene.frame, [path_effects.withStroke(linewidth=2.5, foreground="white")]
+    frame = scene.frame
     for i in np.flatnonzero(frame.vehicle_id == scene.named):
-        axes.annotate(
-            scene.named,
-            (frame.lon_m[i] - scene.origin_m, frame.lat_m[i] - 0.5 * frame.width_m[i]),
-            size=9,
-            weight="bold",
-            ha="center",
-            va="top",
-            path_effects=outline,
-            zorder=9,
-            annotation_clip=True,
-        )
+        below = frame.lon_m[i] - scene.origin_m, frame.lat_m[i] - 0.5 * frame.width_m[i]
+        _write(axes, scene.named, below, 2.5, {"size": 9, "weight": "bold", "va": "top"})
 
 
 def _draw_tracks(axes: Axes, tracks: Tracks, origin: float, window: tuple[float, float]) -> None:
-    outline = [path_effects.withStroke(linewidth=2.0, foreground="white")]
     for i in range(len(tracks)):
         x, y = tracks.lon_m[i] - origin, tracks.lat_m[i]
         if not window[0] <= x <= window[1]:
             continue
-        hidden = tracks.state[i] == TRACK_HIDDEN
-        ellipse = Ellipse(
-            (x, y),
-            2.0 * ELLIPSE_SCALE * tracks.std_lon_m[i],
-            2.0 * ELLIPSE_SCALE * tracks.std_lat_m[i],
-            facecolor="none",
-            edgecolor=PURPLE,
-            linewidth=1.4,
-            linestyle=(0, (3, 2)) if hidden else "solid",
-            alpha=UNCONFIRMED_ALPHA if tracks.state[i] == TENTATIVE else 1.0,
-            zorder=8,
-        )
-        axes.add_patch(ellipse)
-        height = max(1.0, ELLIPSE_SCALE * tracks.std_lat_m[i])
-        axes.annotate(
-            str(tracks.track_id[i]),
-            (x, y + min(height, 1.6)),
-            color=PURPLE,
-            size=7.5,
-            ha="center",
-            va="bottom",
-            path_effects=outline,
-            zorder=9,
-            annotation_clip=True,
-        )
+        style: Any = (0, (3, 2)) if tracks.state[i] == TRACK_HIDDEN else "solid"
+        alpha = UNCONFIRMED_ALPHA if tracks.state[i] == TENTATIVE else 1.0
+        long, wide = (2.0 * ELLIPSE_SCALE * std_m[i] for std_m in (tracks.std_lon_m, tracks.std_lat_m))
+        axes.add_patch(Ellipse((x, y), long, wide, fc="none", ec=PURPLE, lw=1.4, ls=style, alpha=alpha, zorder=8))
+        above = x, y + min(max(1.0, 0.5 * wide), 1.6)
+        _write(axes, str(tracks.track_id[i]), above, 2.0, {"color": PURPLE, "size": 7.5, "va": "bottom"})
+
+
+def _write(axes: Axes, text: str, place: tuple[float, float], halo: float, style: dict[str, Any]) -> None:
+    """Write on the road, with a white halo of so many points."""
+    effects = [path_effects.withStroke(linewidth=halo, foreground="white")]
+    axes.annotate(text, place, ha="center", path_effects=effects, zorder=9, annotation_clip=True, **style)

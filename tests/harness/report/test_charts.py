@@ -31,8 +31,11 @@ def run(tmp_path_factory):
 STATE_OF = {"visible": "visible", "partly hidden": "partial", "hidden": "hidden"}
 
 
+REQUEST = GridRequest(densities="20,45", trackers="mmpf,stonesoup-jpda", seeds="2")
+
+
 def grid_table():
-    runs = plan_grid(GridRequest(densities="20,45", trackers="mmpf,stonesoup-jpda", seeds="2")).runs
+    runs = plan_grid(REQUEST).runs
     rows = [run.identity() | {"succeeded": True, "mot.hota": 80.0 + place} for place, run in enumerate(runs)]
     return pd.DataFrame(rows)
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 
-import pandas as pd
 import pytest
 
-from harness.grid.grid import GridRequest, plan_grid
 from harness.report.folder_page import write_page
+from tests.harness.report.test_charts import REQUEST, grid_table
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
@@ -23,11 +22,8 @@ DOTS = ".chart-place svg .mark-symbol path"
 @pytest.fixture(scope="module")
 def address(tmp_path_factory) -> str:
     folder = tmp_path_factory.mktemp("grid")
-    request = GridRequest(densities="20,45", trackers="mmpf,stonesoup-jpda", seeds="2")
-    (folder / "grid.json").write_text(json.dumps(asdict(request)))
-    runs = plan_grid(request).runs
-    rows = [run.identity() | {"succeeded": True, "mot.hota": 80.0 + place} for place, run in enumerate(runs)]
-    pd.DataFrame(rows).to_parquet(folder / "runs.parquet")
+    (folder / "grid.json").write_text(json.dumps(asdict(REQUEST)))
+    grid_table().to_parquet(folder / "runs.parquet")
     return write_page(folder).as_uri()
 
 
@@ -82,8 +78,7 @@ def test_a_name_of_the_legend_shows_its_line_alone_and_once_more_all(page):
 @pytest.mark.parametrize("width", [1400, 700])
 def test_the_page_is_as_wide_as_the_window_and_tables_scroll_in_their_own_boxes(page, width):
     page.set_window_size(width, 900)
-    WebDriverWait(page, 10).until(
-        lambda page: page.execute_script("return document.documentElement.scrollWidth <= innerWidth")
-    )
+    fits = "return document.documentElement.scrollWidth <= innerWidth"
+    WebDriverWait(page, 10).until(lambda page: page.execute_script(fits))
     for chart in page.find_elements(By.CSS_SELECTOR, ".chart-place svg"):
         assert chart.size["width"] <= width

@@ -1,25 +1,22 @@
 import json
 from dataclasses import asdict
 
-import pandas as pd
 import pytest
 
 from harness.commands.app import run_command_line
 from harness.common.exit_codes import WRONG_INPUT
-from harness.grid.grid import GridRequest, plan_grid
 from harness.report.folder_page import write_page
 from harness.report.pictures import write_pictures
 from tests.harness.recorded_scene import write_recorded_scene
+from tests.harness.report.test_charts import REQUEST, grid_table
 
 MAGIC = {"png": b"\x89PNG", "svg": b"<svg", "pdf": b"%PDF"}
 
 
 @pytest.fixture
 def grid(tmp_path):
-    request = GridRequest(densities="20,45", trackers="mmpf", seeds="2")
-    rows = [run.identity() | {"succeeded": True, "mot.hota": 90.0} for run in plan_grid(request).runs]
-    (tmp_path / "grid.json").write_text(json.dumps(asdict(request)))
-    pd.DataFrame(rows).to_parquet(tmp_path / "runs.parquet")
+    (tmp_path / "grid.json").write_text(json.dumps(asdict(REQUEST)))
+    grid_table().to_parquet(tmp_path / "runs.parquet")
     return tmp_path
 
 

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from harness.report import replay_data as module
-from harness.report.replay_data import NO_ERROR_CM, pack, replay_data
+from harness.report.replay_data import NO_ERROR_CM, replay_data
 from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, STEPS, rewrite, write_recorded_scene
 
@@ -76,12 +76,6 @@ def test_a_run_too_long_for_a_page_is_shown_in_fewer_steps(run, monkeypatch):
     assert (data["vehicles"]["names"][vehicle], outcome) == ("far", "lost")
     assert data["time_s"][begin] == pytest.approx(2.0, abs=0.1 * stride)
     assert data["time_s"][end] == pytest.approx(4.0, abs=0.1 * stride)
-
-
-def test_packed_numbers_come_back_as_they_were():
-    values = np.array([-1.5, 0.0, 1e4], dtype=np.float32)
-    assert unpacked(pack(values, "f4")).tolist() == values.tolist()
-    assert unpacked(pack([0, 7, 65_535], "u2")).tolist() == [0, 7, 65_535]
 
 
 def test_particles_lie_where_they_were_recorded(run):

@@ -38,19 +38,13 @@ def tracked(frame, observation, rng):
     hidden = observation.state[near] == 2
     std_lon, std_lat = np.where(hidden, 2.5, 0.25), np.where(hidden, 0.5, 0.15)
     zeros = np.zeros(len(near))
+    lon = frame.lon_m[near] + std_lon * rng.standard_normal(len(near))
+    lat = frame.lat_m[near] + std_lat * rng.standard_normal(len(near))
     tracks = Tracks(
-        track_id=np.arange(1, len(near) + 1),
-        lon_m=frame.lon_m[near] + std_lon * rng.standard_normal(len(near)),
-        lat_m=frame.lat_m[near] + std_lat * rng.standard_normal(len(near)),
-        speed_mps=zeros + 12.0,
-        lat_speed_mps=zeros,
-        accel_mps2=zeros,
-        std_lon_m=std_lon,
-        std_lat_m=std_lat,
-        std_speed_mps=zeros + 1.0,
-        existence=zeros + 1.0,
+        track_id=np.arange(1, len(near) + 1), lon_m=lon, lat_m=lat, speed_mps=zeros + 12.0, lat_speed_mps=zeros,
+        accel_mps2=zeros, std_lon_m=std_lon, std_lat_m=std_lat, std_speed_mps=zeros + 1.0, existence=zeros + 1.0,
         state=np.where(hidden, HIDDEN, CONFIRMED).astype(np.int8),
-    )
+    )  # fmt: skip
     spread = rng.standard_normal((2, 200, len(near))) * np.stack([std_lon, std_lat])[:, None]
     particles = (np.stack([tracks.lon_m, tracks.lat_m])[:, None] + spread).reshape(2, -1)
     return tracks, particles
@@ -95,9 +89,8 @@ def test_the_figure_can_be_saved_without_tracks_or_particles_and_on_a_bend(road)
     line = tuple(zip(400 * np.sin(angle), 400 - 400 * np.cos(angle), strict=True))
     for ground in (road, replace(road, reference_xy=line)):
         frame = jam(count=12)
-        figure = scene_figure(
-            PictureScene(frame, observed(frame, ground), Tracks.none(), ground, 100.0), title="No tracks"
-        )
+        scene = PictureScene(frame, observed(frame, ground), Tracks.none(), ground, 100.0)
+        figure = scene_figure(scene, title="No tracks")
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=40)
         assert buffer.getvalue().startswith(b"\x89PNG")

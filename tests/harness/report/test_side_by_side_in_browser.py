@@ -8,6 +8,7 @@ from harness.analysis.compare import compare
 from harness.analysis.sources import open_source
 from harness.report.comparison_page import comparison_page
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, write_lost_and_kept
+from tests.harness.report.test_replay_in_browser import asked
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
@@ -33,10 +34,6 @@ def page(browser, address):
     browser.get("about:blank")
     browser.get(f"{address}#t=0")
     return browser
-
-
-def asked(page, question: str):
-    return page.execute_script(f"return replay.{question}()")
 
 
 def pictures(page) -> list[str]:
@@ -111,9 +108,8 @@ def test_the_screen_can_be_filled_and_left(page):
 
 def test_the_pictures_stand_one_above_the_other_where_that_is_asked_for_or_the_screen_is_narrow(page):
     def tops() -> list[float]:
-        return page.execute_script(
-            "return ['road', 'road-b'].map(id => document.getElementById(id).getBoundingClientRect().top)"
-        )
+        top = "document.getElementById(id).getBoundingClientRect().top"
+        return page.execute_script(f"return ['road', 'road-b'].map(id => {top})")
 
     first, second = tops()
     assert abs(first - second) < 30
@@ -124,7 +120,8 @@ def test_the_pictures_stand_one_above_the_other_where_that_is_asked_for_or_the_s
     page.set_window_size(700, 900)
     first, second = tops()
     assert second - first > 150
-    assert page.execute_script("return document.documentElement.scrollWidth <= innerWidth")
+    fits = "return document.documentElement.scrollWidth <= innerWidth"  # charts are drawn anew a moment later
+    WebDriverWait(page, 10).until(lambda page: page.execute_script(fits))
 
 
 def test_the_chart_of_a_followed_vehicle_tells_of_both(page):
@@ -141,8 +138,6 @@ def test_the_page_loads_without_a_complaint_in_light_and_dark(browser, address):
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", setting)
         browser.get("about:blank")
         browser.get(address)
-        WebDriverWait(browser, 30).until(
-            lambda page: page.execute_script("return document.documentElement.dataset.charts")
-        )
+        WebDriverWait(browser, 30).until(lambda p: p.execute_script("return document.documentElement.dataset.charts"))
         assert [entry["message"] for entry in browser.get_log("browser")] == []
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
