@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.report.summary_text import decision_sentence, number, out_of, traffic_source
+from harness.scoring.metrics.decisions import KM
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.truth.network.network import NetworkDescription
@@ -30,11 +31,15 @@ REPORTED = (
 )
 PRINTED = ("hidden", "pseudo_occlusion")
 """What the terminal shows of these; the page shows all."""
-IDEAL_ONE = "(1 is right)"
+ANEES, ANEES_HIDDEN = "calibration.anees.visible", "calibration.anees.hidden"
+BEST_AT_ONE = (ANEES, ANEES_HIDDEN)
+"""Scores of which neither more nor less is better."""
 IN_WORDS: Mapping[str, Mapping[str, Any]] = {
     "mot.id_switches": {"label": "identity switches in sight", "heading": "identity switches", "decimals": 0},
     "mot.missed": {"heading": "vehicle-steps missed"},
     "mot.false_tracks": {"heading": "track-steps false"},
+    ANEES: {"label": "ANEES of tracks on vehicles that are not hidden"},
+    ANEES_HIDDEN: {"label": "ANEES of tracks on hidden vehicles"},
 }
 OUT_OF = {"missed": "truth_n", "false_tracks": "tracks_n"}
 """What counts are out of, beside them in ``metrics.json``."""
@@ -68,12 +73,12 @@ def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -
 
 def _samples(quantity: Quantity, metrics: Mapping[str, Any]) -> str:
     count = replace(quantity, key=quantity.weight).of(metrics) if quantity.weight else None
-    return number(count, 2, " km") if quantity.weight.endswith(".km") else number(count, 0)
+    return number(count, 2, " km") if quantity.weight == KM else number(count, 0)
 
 
 def better(quantity: Quantity) -> str:
     """Return which values of a score are better, in a word."""
-    if quantity.label.endswith(IDEAL_ONE):
+    if quantity.key in BEST_AT_ONE:
         return "near 1"
     return "higher" if quantity.higher_is_better else "lower"
 
@@ -111,16 +116,17 @@ def print_networks(networks: Sequence[NetworkDescription]) -> None:
     Console(highlight=False).print(table)
 
 
-def _table(title: str) -> Table:
-    return Table(title=title, box=box.SIMPLE, title_justify="left", padding=(0, 1, 0, 0))
+def _table(title: str, first: str, *others: str) -> Table:
+    table = Table(title=title, box=box.SIMPLE, title_justify="left", padding=(0, 1, 0, 0))
+    table.add_column(first, no_wrap=True)
+    for heading in others:
+        table.add_column(heading, justify="left" if heading == "better" else "right")
+    return table
 
 
 def _error_table(mae: Mapping[str, Any]) -> Table:
-    table = _table("Mean absolute error while followed (share of vehicle-steps), by visibility")
-    table.add_column("vehicles", no_wrap=True)
-    for _, heading in MAE_COLUMNS:
-        table.add_column(heading, justify="right")
-    table.add_column("followed", justify="right")
+    title = "Mean absolute error while followed (share of vehicle-steps), by visibility"
+    table = _table(title, "vehicles", *(heading for _, heading in MAE_COLUMNS), "followed")
     for key, name in VISIBILITY_ROWS:
         row = mae[key]
         errors = (number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS)
@@ -129,10 +135,8 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
 
 
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
-    table = _table("Tracks against truth (missed: no track on a vehicle; false: no vehicle at a track)")
-    table.add_column("score", no_wrap=True)
-    for name in ("in sight", "seen in last 10 s"):
-        table.add_column(name, justify="right")
+    title = "Tracks against truth (missed: no track on a vehicle; false: no vehicle at a track)"
+    table = _table(title, "score", "in sight", "seen in last 10 s")
     for column in mot_columns():
         if column.key not in BESIDE:
             table.add_row(column.heading, *(mot_value(metrics, vehicles, column) for vehicles in ("mot", "mot_all")))
@@ -140,11 +144,7 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
 
 
 def _score_table(metrics: Mapping[str, Any]) -> Table:
-    table = _table("Hidden vehicles")
-    table.add_column("score", no_wrap=True)
-    table.add_column("value", justify="right")
-    table.add_column("better")
-    table.add_column("samples", justify="right")
+    table = _table("Hidden vehicles", "score", "value", "better", "samples")
     for row in other_scores(metrics, PRINTED):
         table.add_row(*row)
     return table
