@@ -139,7 +139,7 @@ function listenToPictures() {
     if (!chartSpan) return;
     const share = (x - chartSpan.left) / (chartSpan.right - chartSpan.left);
     const time = chartSpan.from + share * (chartSpan.to - chartSpan.from);
-    seek(data.time_s.findIndex((moment) => moment >= Math.min(time, data.time_s[steps - 1])));
+    seek(stepAt(time - stepS / 2));
   });
 }
 
@@ -239,6 +239,8 @@ window.replay = {
   step: () => view.step,
   playing: () => view.playing,
   followed: () => (view.followed < 0 ? null : data.vehicles.names[view.followed]),
+  colours: () => ({ marks: [...EDGES, VERMILION, PURPLE, BLUE, GREY, TRAIL], grounds: [SEEN, SHADOW, OUT_OF_SIGHT] }),
+  gaps: () => (courses ? gapsOf(courses[0]) : []),
   positions: () => {
     const camera = makeCamera(), [begin, end] = range(data.truth, view.step), found = {};
     for (let row = begin; row < end; row++) {

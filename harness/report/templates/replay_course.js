@@ -1,17 +1,41 @@
 /* One vehicle over time, the timeline of occlusions, and what is said in words. */
 
 let courses = null;
-const CURVES = [["#000000", []], ["#0072B2", [6, 3]]];
+const CURVES = [["#000000", []], [BLUE, [6, 3]]];
+const NO_TRACK = "no track";
 
+/* A point for each step: the vehicle's state, the chosen value, and why there is no value where it is missing. */
 function courseOf(vehicle, data) {
-  const points = [];
-  for (let step = 0; step < steps; step++) {
+  const t = data.truth;
+  let detected = false;
+  return data.time_s.map((time, step) => {
     const row = rowOf(vehicle, step);
-    if (row < 0) continue;
-    points.push({ step, time: data.time_s[step], state: data.truth.state[row], visible: data.truth.visible[row],
-      value: plotted(row, step, data) });
+    if (row < 0) return { step, time, state: FAR, visible: 0, value: NaN, gap: "far away" };
+    detected = (detected && data.episode[step] === data.episode[step - 1]) || t.outcome[row] > 0;
+    const gap = t.outcome[row] ? NO_TRACK : detected ? "not detected for 10 s" : "not detected yet";
+    return { step, time, state: t.state[row], visible: t.visible[row], value: plotted(row, step, data),
+      gap: t.state[row] > HIDDEN && !t.outcome[row] ? "out of range" : gap };
+  });
+}
+
+/* Successive points without a value, for one reason. */
+function gapsOf(course) {
+  const found = [];
+  for (const { step, value, gap } of course) {
+    const last = found[found.length - 1];
+    if (!Number.isNaN(value)) continue;
+    if (last && last.gap === gap && last.end + 1 === step) last.end = step;
+    else found.push({ gap, begin: step, end: step });
   }
-  return points;
+  return found;
+}
+
+/* The whole run, as on the slider above; of a long run the part in which the vehicle is near. */
+function spanOfTime(course) {
+  const near = course.filter((point) => point.state !== FAR), whole = [course[0].time, course[course.length - 1].time];
+  const span = near.length ? [near[0].time, near[near.length - 1].time] : whole;
+  const [from, to] = 3 * (span[1] - span[0]) < whole[1] - whole[0] ? span : whole;
+  return [from, Math.max(to, from + stepS)];
 }
 
 /* The chosen column of a vehicle, or of the track that is on it. */
@@ -25,19 +49,19 @@ function plotted(row, step, data) {
 
 function drawChart() {
   const pen = sharpen(chart), width = chart.clientWidth, height = chart.clientHeight;
-  if (!courses || !courses[0].length) return;
-  const course = courses[0];
-  const left = 46, right = width - 10, errorTop = 18, errorBottom = height * 0.6, seenTop = height * 0.6 + 26;
-  const seenBottom = height - 24, from = course[0].time, to = Math.max(course[course.length - 1].time, from + stepS);
+  if (!courses) return;
+  const [from, to] = spanOfTime(courses[0]), shownOf = (course) => course.filter(({ time }) => time >= from && time <= to);
+  const left = 0, right = width, errorTop = 18, errorBottom = height * 0.6, seenTop = height * 0.6 + 26;
+  const seenBottom = height - 24;
   const x = (time) => left + ((time - from) / (to - from)) * (right - left);
   const [least, most] = spanOf(courses.flat().map((point) => point.value).filter((value) => !Number.isNaN(value)));
   chartSpan = { left, right, from, to };
-  for (const { state, points } of stretches(course)) {
+  for (const { state, points } of stretches(shownOf(courses[0]))) {
     if (state > HIDDEN) continue;
     const begin = x(points[0].time), end = Math.min(right, x(points[points.length - 1].time + stepS));
     const height = (point) => seenBottom - Math.max(2, ((seenBottom - seenTop) * point.visible) / 100);
     pen.fillStyle = STATE_COLOURS[state];
-    pen.globalAlpha = 0.16;
+    pen.globalAlpha = 0.2;
     pen.fillRect(begin, errorTop, end - begin, errorBottom - errorTop);
     pen.globalAlpha = 1;
     outline(pen, [[begin, seenBottom], ...points.map((point) => [x(point.time), height(point)]),
@@ -51,7 +75,7 @@ function drawChart() {
     pen.lineJoin = "round";
     pen.beginPath();
     let pending = true;
-    for (const point of each) {
+    for (const point of shownOf(each)) {
       if (Number.isNaN(point.value)) { pending = true; continue; }
       const y = errorBottom - ((point.value - least) / (most - least)) * (errorBottom - errorTop);
       if (pending) pen.moveTo(x(point.time), y); else pen.lineTo(x(point.time), y);
@@ -59,11 +83,30 @@ function drawChart() {
     }
     pen.stroke();
     pen.setLineDash([]);
+    drawGaps(pen, gapsOf(shownOf(each)), x, (errorTop + errorBottom) / 2, errorBottom - 5 * side, right);
   });
   drawChartFrame(pen, { left, right, errorTop, errorBottom, seenTop, seenBottom, least, most, from, to, x });
 }
 
 let chartSpan = null;
+
+/* Bars where a vehicle that was detected has no track; in all other gaps words, where there is room for them. */
+function drawGaps(pen, gaps, x, middle, bottom, right) {
+  pen.font = "12px system-ui, sans-serif";
+  pen.textAlign = "center";
+  for (const { gap, begin, end } of gaps) {
+    const from = x(data.time_s[begin]), wide = Math.min(right, x(data.time_s[end] + stepS)) - from;
+    pen.fillStyle = gap === NO_TRACK ? VERMILION : "#333333";
+    if (gap === NO_TRACK) pen.fillRect(from, bottom - 5, Math.max(2, wide), 5);
+    else if (wide > 14) {
+      pen.save();
+      pen.translate(from + wide / 2, middle);
+      if (pen.measureText(gap).width + 8 > wide) pen.rotate(-Math.PI / 2);
+      pen.fillText(gap, 0, 4);
+      pen.restore();
+    }
+  }
+}
 
 /* Successive points of one state. */
 function stretches(points) {
@@ -83,22 +126,23 @@ function drawChartFrame(pen, at) {
   pen.textAlign = "left";
   pen.fillText(`${data.plots[view.plot][0]}${panes.length > 1 ? " (a: solid; b: dashed)" : ""}`, at.left, at.errorTop - 5);
   pen.fillText("visible part, %", at.left, at.seenTop - 5);
-  pen.textAlign = "right";
-  pen.fillText(String(at.most), at.left - 6, at.errorTop + 8);
-  pen.fillText(String(at.least), at.left - 6, at.errorBottom);
-  pen.fillText("100", at.left - 6, at.seenTop + 8);
-  pen.fillText("0", at.left - 6, at.seenBottom);
-  pen.strokeStyle = "#888888";
+  pen.lineWidth = 3;
+  pen.strokeStyle = "rgba(255,255,255,0.9)";
+  for (const [text, y] of [[at.most, at.errorTop + 13], [at.least, at.errorBottom - 7], [100, at.seenTop + 13], [0, at.seenBottom - 4]]) {
+    pen.strokeText(String(text), at.left + 5, y);
+    pen.fillText(String(text), at.left + 5, y);
+  }
+  pen.strokeStyle = GREY;
   pen.lineWidth = 1;
-  pen.strokeRect(at.left, at.errorTop, at.right - at.left, at.errorBottom - at.errorTop);
-  pen.strokeRect(at.left, at.seenTop, at.right - at.left, at.seenBottom - at.seenTop);
+  pen.strokeRect(at.left + 0.5, at.errorTop, at.right - at.left - 1, at.errorBottom - at.errorTop);
+  pen.strokeRect(at.left + 0.5, at.seenTop, at.right - at.left - 1, at.seenBottom - at.seenTop);
   pen.textAlign = "left";
   pen.fillText(`${at.from.toFixed(1)} s`, at.left, at.seenBottom + 16);
   pen.textAlign = "right";
   pen.fillText(`${at.to.toFixed(1)} s`, at.right, at.seenBottom + 16);
   const now = data.time_s[view.step];
   if (now < at.from || now > at.to) return;
-  pen.fillStyle = "#0072B2";
+  pen.fillStyle = BLUE;
   pen.fillRect(at.x(now) - 1, at.errorTop, 2, at.seenBottom - at.errorTop);
 }
 
@@ -131,13 +175,13 @@ function drawTimeline() {
   const rank = { same_id: 0, survived: 1, hijacked: 2, lost: 2 };
   for (const [vehicle, from, to, outcome] of [...data.events].sort((a, b) => rank[a[3]] - rank[b[3]])) {
     const bad = rank[outcome] === 2, mine = vehicle === view.followed;
-    pen.fillStyle = bad ? VERMILION : "#b5b5b5";
-    pen.globalAlpha = mine ? 1 : 0.75;
+    pen.fillStyle = bad ? VERMILION : "#5f5f5f";
+    pen.globalAlpha = mine ? 1 : bad ? 0.85 : 0.75;
     const high = bad ? height : height / 2;
     pen.fillRect(x(from), height - high, Math.max(3, x(to) - x(from)), high);
     pen.globalAlpha = 1;
   }
-  pen.fillStyle = "#0072B2";
+  pen.fillStyle = BLUE;
   pen.fillRect(x(view.step) - 1, 0, 2, height);
 }
 
@@ -160,7 +204,7 @@ function describeVehicle(name, row) {
   if (row < 0) return `${name}: far away at this time.`;
   const t = data.truth, parts = [`${name}: ${(t.speed[row] / 10).toFixed(1)} m/s`];
   if (t.ego[row]) return `${name}: the ego, the car that carries the sensor, ${(t.speed[row] / 10).toFixed(1)} m/s.`;
-  parts.push(t.state[row] < HIDDEN ? `${STATES[t.state[row]]} (${t.visible[row]} % seen)` : STATES[t.state[row]]);
+  parts.push(t.state[row] < HIDDEN ? `${STATES[t.state[row]]} (${t.visible[row]} % of it)` : STATES[t.state[row]]);
   const fates = panes.map((pane) => fateOf(pane.data.truth, row));
   if (panes.length === 1) return `${[...parts, fates[0]].join(", ")}.`;
   return `${parts.join(", ")}; ${fates.map((fate, side) => `${SIDES[side]}: ${fate}`).join("; ")}.`;

@@ -57,9 +57,9 @@ function drawDifferences(pen, width, height, x) {
     pen.fillStyle = VERMILION;
     pen.fillRect(x(step), side ? height / 2 + 1 : height / 2 - 1 - high, wide, high);
   }));
-  pen.fillStyle = "#8a8a8a";
+  pen.fillStyle = GREY;
   pen.fillRect(0, height / 2 - 0.5, width, 1);
-  pen.fillStyle = "#0072B2";
+  pen.fillStyle = BLUE;
   pen.fillRect(x(view.step) - 1, 0, 2, height);
 }
 

@@ -12,13 +12,14 @@ if (data.other) {
 }
 const canvas = panes[0].canvas, chart = element("chart"), timeline = element("timeline");
 const STATES = ["visible", "partly hidden", "hidden", "out of range"];
-const GREEN = "#009E73", ORANGE = "#E69F00", VERMILION = "#D55E00", PURPLE = "#882255";
-const MARK = "#F0E442", SKY = "#56B4E9";
-const OUT_OF_SIGHT = "#efece6", SEEN = "#ffffff", SHADOW = "#d3d3d3";
-const UNSEEN_WIDTH_M = 2.4, TRAIL_S = 2, ARROW_S = 1, TRAIL = "#6b6b6b";
-const STATE_COLOURS = [GREEN, ORANGE, VERMILION, "#9a9a9a"];
+/* Each of these, or its edge, differs from every ground by a contrast of 3 to 1, also inverted for a dark screen. */
+const GREEN = "#009E73", ORANGE = "#C78500", VERMILION = "#C45600", PURPLE = "#882255", BLUE = "#0072B2", GREY = "#767676";
+const EDGES = ["#00523B", "#6B4500"], MARK = "#F0E442";
+const OUT_OF_SIGHT = "#efece6", SEEN = "#ffffff", SHADOW = "#e0e0e0";
+const UNSEEN_WIDTH_M = 2.4, TRAIL_S = 2, ARROW_S = 1, TRAIL = "#4a4a4a";
+const STATE_COLOURS = [GREEN, ORANGE, VERMILION, GREY];
 const ELLIPSE_SCALE = 2.4477; // a two-dimensional normal distribution holds 95 % within so many deviations
-const NO_ERROR = 65535, TENTATIVE = 0, TRACK_HIDDEN = 2, HIDDEN = 2;
+const NO_ERROR = 65535, TENTATIVE = 0, TRACK_HIDDEN = 2, HIDDEN = 2, FAR = 4;
 const steps = data.time_s.length;
 const stepS = steps > 1 ? (data.time_s[steps - 1] - data.time_s[0]) / (steps - 1) : 0.1;
 const road = openRoad(data.road);

@@ -58,12 +58,12 @@ function drawUnseen(pen, camera) {
   while (step > 0 && t.first[step] === t.first[step + 1] && data.episode[step - 1] === data.episode[view.step]) step--;
   const [begin, end] = range(t, step);
   pen.save();
-  pen.strokeStyle = SKY;
+  pen.strokeStyle = BLUE;
   pen.lineWidth = UNSEEN_WIDTH_M * camera.scale;
   for (let k = begin; k < end; k++) {
     const [x, y] = camera.at(t.lon[k], t.lat[k]), [toX, toY] = camera.at(t.to_lon[k], t.to_lat[k]);
     if (Math.max(x, toX) < 0 || Math.min(x, toX) > camera.width) continue;
-    pen.globalAlpha = Math.min(0.9, (0.9 * t.expected[k]) / 1000);
+    pen.globalAlpha = Math.min(0.75, (0.75 * t.expected[k]) / 1000);
     pen.beginPath();
     pen.moveTo(x, y);
     pen.lineTo(toX, toY);
@@ -169,7 +169,7 @@ function boxCorners(x, y, heading, length, width) {
 
 function drawLaneLines(pen, camera) {
   const beside = (lon, lat) => road.lanes.some((l) => lat > l[0] && lat < l[1] && lon >= l[2] && lon < l[3]);
-  pen.strokeStyle = "#8c8c8c";
+  pen.strokeStyle = GREY;
   pen.lineWidth = 1;
   if (road.lines) return drawNetwork(pen, camera);
   for (const ramp of road.ramps) {
@@ -232,6 +232,10 @@ function drawVehicles(pen, camera) {
     if (data.truth.ego[row] || state < HIDDEN) {
       pen.fillStyle = data.truth.ego[row] ? "#000000" : STATE_COLOURS[state];
       pen.fill();
+      if (data.truth.ego[row]) continue;
+      pen.strokeStyle = EDGES[state];
+      pen.lineWidth = 1.2;
+      pen.stroke();
     } else {
       pen.strokeStyle = STATE_COLOURS[state];
       pen.lineWidth = state === HIDDEN ? 2 : 1;
@@ -261,7 +265,7 @@ function drawTrails(pen, camera) {
       }
     }
   }
-  pen.globalAlpha = 0.45;
+  pen.globalAlpha = 0.6;
   pen.lineWidth = 1.5;
   for (const { colour, points } of paths.values()) {
     pen.strokeStyle = colour;
@@ -306,7 +310,7 @@ function drawArrow(pen, x, y, turn, long) {
 function drawParticles(pen, camera) {
   const particles = camera.data.particles, [begin, end] = range(particles, view.step);
   const ego = egoRow(view.step), egoLon = data.truth.lon[ego], egoLat = data.truth.lat[ego];
-  pen.fillStyle = "rgba(0, 114, 178, 0.75)";
+  pen.fillStyle = "#003a5c";
   for (let k = begin; k < end; k++) {
     const [x, y] = camera.at(egoLon + particles.away[k] / 10, egoLat + particles.lat[k] / 100);
     pen.fillRect(x - 1, y - 1, 2, 2);
@@ -335,7 +339,7 @@ function drawTracks(pen, camera) {
     const [x, y] = camera.at(t.lon[k], t.lat[k]), turn = camera.turn - road.heading(t.lon[k]);
     const long = Math.max(2, (ELLIPSE_SCALE * t.std_lon[k] * camera.scale) / 100);
     const wide = Math.max(2, (ELLIPSE_SCALE * t.std_lat[k] * camera.scale) / 100);
-    pen.globalAlpha = t.state[k] === TENTATIVE ? 0.45 : 1;
+    pen.globalAlpha = t.state[k] === TENTATIVE ? 0.65 : 1;
     pen.strokeStyle = PURPLE;
     pen.lineWidth = t.id[k] === own ? 3 : 1.6;
     pen.setLineDash(t.state[k] === TRACK_HIDDEN ? [5, 3] : []);

@@ -9,7 +9,7 @@ import pytest
 
 from harness.report.folder_page import text_page
 from harness.report.page import write_run_page
-from tests.harness.recorded_scene import GIVEN_UP, STEPS, rewrite, write_recorded_scene
+from tests.harness.recorded_scene import GIVEN_UP, NEW_TRACK, STEPS, rewrite, write_recorded_scene
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium import webdriver  # noqa: E402
@@ -19,7 +19,7 @@ from selenium.webdriver.common.keys import Keys  # noqa: E402
 from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
 
 pytestmark = pytest.mark.slow
-PHONE, DESK = (390, 844), (1280, 900)
+DESK, PHONE = (1280, 900), {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
 
 
 @pytest.fixture(scope="module")
@@ -60,15 +60,13 @@ def console(page) -> list[str]:
 
 def test_the_page_loads_without_a_complaint_and_fetches_nothing(page):
     assert console(page) == []
-    fetched = (
-        "performance.getEntriesByType('resource').map(entry => entry.name).filter(name => !name.startsWith('data:'))"
-    )
+    fetched = "performance.getEntriesByType('resource').map(e => e.name).filter(name => !name.startsWith('data:'))"
     assert page.execute_script(f"return {fetched}") == []
     painted = page.execute_script(
         "const c = document.getElementById('road');"
         "const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
         "const seen = new Set(); for (let k = 0; k < d.length; k += 4) seen.add(d[k] << 16 | d[k+1] << 8 | d[k+2]);"
-        "return [0x009E73, 0xd3d3d3, 0x882255].map(colour => seen.has(colour))"
+        "return [0x009E73, 0xe0e0e0, 0x882255].map(colour => seen.has(colour))"
     )
     assert painted == [True, True, True], "a visible vehicle, a shadow and a track are on the road"
 
@@ -164,19 +162,30 @@ def test_every_control_has_a_name(page):
     assert unnamed == []
 
 
-FAINT_TEXTS = """
-const numbers = text => text.match(/[\\d.]+/g).map(Number);
+LIGHT = """
 const linear = v => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
 const light = ([r, g, b]) => 0.2126 * linear(r) + 0.7152 * linear(g) + 0.0722 * linear(b);
+const ratio = (a, b) => (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+"""
+FAINT_TEXTS = """
+const numbers = text => text.match(/[\\d.]+/g).map(Number);
 const opaque = c => c.length === 3 || c[3] > 0;
 const ground = e => { while (e) { const c = numbers(getComputedStyle(e).backgroundColor); if (opaque(c)) return c;
   e = e.parentElement; } return [255, 255, 255]; };
-const contrast = e => { const [a, b] = [light(numbers(getComputedStyle(e).color)), light(ground(e))];
-  return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05); };
+const contrast = e => ratio(light(numbers(getComputedStyle(e).color)), light(ground(e)));
 const written = e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()) && e.offsetParent;
 const texts = [...document.body.querySelectorAll("*")].filter(e => written(e) && e.tagName !== "SCRIPT");
 return [texts.length, texts.filter(e => contrast(e) < 4.5).map(e => e.outerHTML.slice(0, 100)),
   light(ground(document.body))];
+"""
+# As the screen shows them: through the filter that turns pictures for a dark screen.
+FAINT_MARKS = """
+const pen = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+pen.filter = getComputedStyle(document.getElementById("road")).filter;
+const seen = colour => { pen.fillStyle = colour; pen.fillRect(0, 0, 1, 1);
+  return light(pen.getImageData(0, 0, 1, 1).data); };
+const { marks, grounds } = replay.colours();
+return marks.filter(mark => grounds.some(ground => !(ratio(seen(mark), seen(ground)) >= 3)));
 """
 
 
@@ -189,25 +198,23 @@ def test_the_pages_follow_the_readers_scheme_and_stay_readable(browser, address,
     try:
         for page, least in ((address, 80), ((tmp_path / "verdicts.html").as_uri(), 6)):
             browser.get(page)
-            count, faint, ground = browser.execute_script(FAINT_TEXTS)
+            count, faint, ground = browser.execute_script(LIGHT + FAINT_TEXTS)
             assert count >= least
             assert faint == []
             assert (ground < 0.1) is is_dark
         canvas = "return getComputedStyle(document.getElementById('chart')).backgroundColor"
         browser.get(address)
+        assert browser.execute_script(LIGHT + FAINT_MARKS) == []
         assert browser.execute_script(canvas) == "rgb(255, 255, 255)", "pictures keep the ground that they are made for"
     finally:
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
 def test_the_page_fits_a_phone(browser, address):
-    browser.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride",
-        {"width": PHONE[0], "height": PHONE[1], "deviceScaleFactor": 2, "mobile": True},
-    )
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
     try:
         browser.get(address)
-        assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE[0]
+        assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE["width"]
         click_vehicle(browser, "near")
         assert asked(browser, "followed") == "near"
     finally:
@@ -247,10 +254,8 @@ def test_the_camera_follows_a_vehicle_off_the_main_lanes_whose_ramp_is_drawn(bro
     assert "near" not in asked(browser, "positions")
     Select(browser.find_element(By.ID, "follow")).select_by_visible_text("near")
     assert "near" in asked(browser, "positions")
-    assert (
-        len(browser.execute_script("return JSON.parse(document.getElementById('replay-data').textContent).road.ramps"))
-        == 1
-    )
+    data = "JSON.parse(document.getElementById('replay-data').textContent)"
+    assert len(browser.execute_script(f"return {data}.road.ramps")) == 1
 
 
 def test_any_column_of_a_vehicle_or_its_track_can_be_plotted(page):
@@ -264,3 +269,15 @@ def test_any_column_of_a_vehicle_or_its_track_can_be_plotted(page):
         drawn.add(page.execute_script("return document.getElementById('chart').toDataURL()"))
     assert len(drawn) == len(names)
     assert console(page) == []
+
+
+def test_the_slider_the_bars_and_the_chart_have_one_axis_of_time_and_a_gap_has_its_reason(page):
+    Select(page.find_element(By.ID, "follow")).select_by_visible_text("far")
+    edges = "(id => { const r = document.getElementById(id).getBoundingClientRect(); return [r.left, r.right]; })"
+    slider, bars, chart = (page.execute_script(f"return {edges}('{name}')") for name in ("scrub", "timeline", "chart"))
+    assert bars == chart == [slider[0] + 8, slider[1] - 8], "half of the slider's thumb stands out on each side"
+    for name in ("timeline", "chart"):
+        box = page.find_element(By.ID, name)
+        ActionChains(page).move_to_element_with_offset(box, round(box.size["width"] / 4), 0).click().perform()
+        assert asked(page, "step") == pytest.approx(0.75 * (STEPS - 1), abs=0.6)
+    assert asked(page, "gaps") == [{"gap": "no track", "begin": GIVEN_UP, "end": NEW_TRACK - 1}]
