@@ -51,31 +51,37 @@ class Failure:
     until_s: float
 
 
-def worst_failures(run: RecordedRun) -> list[Failure]:
-    """Return the vehicles in plain view without a track, then the worst occlusions."""
+@dataclass(frozen=True)
+class Failures:
+    """The failures of one kind, worst first: those that are shown at once, and the others."""
+
+    worst: list[Failure]
+    others: list[Failure]
+
+
+def failures_of(run: RecordedRun) -> Failures:
+    """Return the vehicles in plain view without a track, then the occlusions.
+
+    The others are all further ones of the former, and the occlusions after which a track was not on its vehicle.
+    """
     begin_s = run.truth.drop_duplicates("step").set_index("step")["time_s"]
     occlusions = [
-        Failure(
-            occlusion_sentence(event),
-            event["vehicle_id"],
-            float(begin_s[event["from_step"]]),
-            float(begin_s[event["from_step"]]) + event["duration_s"] + AFTERWARDS_S,
-        )
-        for event in worst_events(run.events, run.errors)
+        Failure(occlusion_sentence(event), event["vehicle_id"], start_s, start_s + event["duration_s"] + AFTERWARDS_S)
+        for event in ranked_events(run.events, run.errors)
+        for start_s in [float(begin_s[event["from_step"]])]
     ]
-    return [*withheld_vehicles(run), *occlusions]
+    failed, withheld = int((run.events["outcome"] != "same_id").sum()), list(withheld_vehicles(run))
+    return Failures(
+        [*withheld[:WORST_WITHHELD], *occlusions[:WORST]], [*withheld[WORST_WITHHELD:], *occlusions[WORST:failed]]
+    )
 
 
-def withheld_vehicles(run: RecordedRun) -> list[Failure]:
-    """Return the worst vehicles in plain view that were never reported or lost their track, worst first.
+def withheld_vehicles(run: RecordedRun) -> Iterator[Failure]:
+    """Yield the vehicles in plain view that were never reported or lost their track, worst first.
 
     None of a run that was scored before there was such a list; of a long run those count alone that the read part of
     its tables shows.
     """
-    return list(_withheld(run))[:WORST_WITHHELD]
-
-
-def _withheld(run: RecordedRun) -> Iterator[Failure]:
     end_s = float(run.truth["time_s"].max()) if len(run.truth) else -np.inf
     names = run.truth["vehicle_id"].to_numpy(dtype=object)
     for entry in (run.metrics.get(NAME) or {}).get("vehicles") or []:
@@ -95,8 +101,8 @@ def withheld_sentence(entry: Mapping[str, Any], length_m: float) -> str:
     )
 
 
-def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST) -> list[dict[str, Any]]:
-    """Return the worst occlusions: lost and hijacked tracks first, then the largest error, then the longest.
+def ranked_events(events: pd.DataFrame, errors: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the occlusions, worst first: lost and hijacked tracks first, then the largest error, then the longest.
 
     Each has ``largest_error_m`` beside its columns: the largest distance between the vehicle and the track that held it
     while it was hidden; nan if none was measured.
@@ -114,7 +120,7 @@ def worst_events(events: pd.DataFrame, errors: pd.DataFrame, count: int = WORST)
     found.sort(
         key=lambda each: (SEVERITY[each["outcome"]], -np.nan_to_num(each["largest_error_m"]), -each["duration_s"])
     )
-    return found[:count]
+    return found
 
 
 def occlusion_sentence(event: Mapping[str, Any]) -> str:
@@ -126,24 +132,25 @@ def occlusion_sentence(event: Mapping[str, Any]) -> str:
     return f"{event['vehicle_id']}, hidden for {event['duration_s']:.1f} s: {end}{error}."
 
 
-def worst_brakings(run: RecordedRun, count: int = WORST) -> list[Failure]:
-    """Return the worst missed and phantom brakings: those whose largest difference lasts longest; none without any."""
+def brakings_of(run: RecordedRun) -> Failures:
+    """Return the missed and phantom brakings, first those whose largest difference lasts longest."""
     if run.brakings is None:
-        return []
+        return Failures([], [])
     texts = {"kind": object, "vehicle_id": object, "visibility": object, "fate": object}
     brakings = run.brakings.astype(texts)
     weight = (brakings["truth_mps2"] - brakings["tracks_mps2"]).abs() * brakings["duration_s"]
     times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step").set_index("step")["vehicle_id"]
-    return [
+    found = [
         Failure(
             braking_sentence(braking),
             braking["vehicle_id"] or str(egos[braking["step"]]),
             max(float(times[braking["from_step"]]) - BEFORE_S, 0.0),
             float(times[braking["to_step"]]) + AFTERWARDS_S,
         )
-        for braking in brakings.loc[(-weight).sort_values(kind="stable").index].head(count).to_dict("records")
+        for braking in brakings.loc[(-weight).sort_values(kind="stable").index].to_dict("records")
     ]
+    return Failures(found[:WORST], found[WORST:])
 
 
 def braking_sentence(braking: Mapping[Any, Any]) -> str:
@@ -166,5 +173,5 @@ def _sight(visibility: str, unseen_s: float) -> str:
     if not np.isfinite(unseen_s):
         return "never detected"
     if unseen_s > UNSEEN_S:
-        return f"unseen for {unseen_s:.1f} s"
-    return {"visible": "in view", "partial": "partly hidden"}.get(visibility, "just hidden")
+        return f"not detected for {unseen_s:.1f} s"
+    return {"visible": "visible", "partial": "partly hidden"}.get(visibility, "just hidden")

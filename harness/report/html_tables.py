@@ -15,9 +15,9 @@ from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mo
 from harness.report.summary_text import number, out_of
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.tables import floats
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import FloatArray
 
-MOT_ROWS = (("mot", "in sight"), ("mot_all", "seen in the last 10 s"))
+MOT_ROWS = (("mot", "in sight"), ("mot_all", "detected in the last 10 s"))
 POSITION_COLUMN = ("position_m", "position m")
 
 
@@ -31,6 +31,12 @@ def html_table(headings: Sequence[str | Markup], rows: Sequence[Sequence[str | M
         for row in rows
     )
     return Markup("<table><thead><tr>{}</tr></thead><tbody>{}</tbody></table>").format(head, body)
+
+
+def below(*texts: str) -> Markup:
+    """Return what stands in small letters below a cell's value: a line for each text that is not empty."""
+    small = Markup("<br><span class='interval-cell'>{}</span>")
+    return Markup("").join(small.format(text) for text in texts if text)
 
 
 def error_table(mae: Mapping[str, Any]) -> Markup:
@@ -59,7 +65,7 @@ def hidden_table(mae: Mapping[str, Any]) -> Markup:
         for row in mae["by_seconds_hidden"]
     ]
     fates = ("own track", "track lost", "track on another", "never had one")
-    return html_table(["unseen for", "lon m", "lat m", "speed m/s", *fates, "vehicle-steps"], rows)
+    return html_table(["not detected for", "lon m", "lat m", "speed m/s", *fates, "vehicle-steps"], rows)
 
 
 def mot_table(metrics: Mapping[str, Any]) -> Markup:
@@ -72,21 +78,14 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
 
 def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
     value, interval = row.get(key), row.get(f"{key}_ci95")
-    if value is None:
-        return Markup("-")
-    if interval is None:
-        return escape(f"{value:.2f}")
-    low, high = interval
-    return Markup("{}<br><span class='interval-cell'>{} to {}</span>").format(
-        f"{value:.2f}", f"{low:.2f}", f"{high:.2f}"
-    )
+    return escape(number(value, 2)) + below(f"{interval[0]:.2f} to {interval[1]:.2f}" if interval else "")
 
 
 MOST_ROWS = 300
 HIDDEN = "hidden"
 HEADINGS = (
-    "vehicle", "seen s", "hidden s", "followed in sight %", "error in sight m", "own track while hidden %",
-    "error hidden m", "hidden cost by identity m", "lost when seen again",
+    "vehicle", "not hidden s", "hidden s", "followed while not hidden %", "error while not hidden m",
+    "own track while hidden %", "error while hidden m", "hidden cost by identity m", "lost when detected again",
 )  # fmt: skip
 
 
@@ -115,40 +114,21 @@ def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> 
     times = floats(errors, "time_s")
     rows: list[tuple[float, list[str | Markup]]] = []
     for name, at in errors.groupby(errors["vehicle_id"].astype(object), sort=False).indices.items():
-        own = _Own(tracked[at], hidden[at], distance_m[at], cost_m[at])
-        moment_s = float(times[at[own.worst()]])
-        address = f"#t={moment_s:.1f}&vehicle={quote(str(name))}"
+        away_m, percent, unseen = distance_m[at], np.where(tracked[at], 100.0, 0.0), hidden[at]
+        seen = ~unseen
+        # The worst is where it first costs most; of a vehicle that was never hidden, where it is farthest off.
+        worst = int(np.argmax(cost_m[at] if unseen.any() else np.nan_to_num(np.where(tracked[at], away_m, 0.0))))
+        address = f"#t={times[at[worst]]:.1f}&vehicle={quote(str(name))}"
+        cells = [
+            f"{step_s * seen.sum():.1f}", f"{step_s * unseen.sum():.1f}",
+            _mean(percent[seen], 0), _mean(away_m[seen & tracked[at]], 2),
+            _mean(percent[unseen], 0), _mean(away_m[unseen & tracked[at]], 2), _mean(cost_m[at][unseen], 2),
+        ]  # fmt: skip
         link = Markup("<a href='{}'>{}</a>").format(address, str(name))
-        rows.append((float(own.cost_m.sum()), [link, *own.cells(step_s), str(int(failures.get(name, 0)))]))
+        rows.append((float(cost_m[at].sum()), [link, *cells, str(int(failures.get(name, 0)))]))
     rows.sort(key=lambda row: -row[0])
     table = html_table(HEADINGS, [cells for _, cells in rows[:MOST_ROWS]])
     return VehicleTable(table, max(0, len(rows) - MOST_ROWS), FOLLOW_CUTOFF_M)
-
-
-@dataclass(frozen=True)
-class _Own:
-    """The rows of one vehicle, arrays of shape (n,)."""
-
-    tracked: BoolArray
-    hidden: BoolArray
-    distance_m: FloatArray
-    cost_m: FloatArray
-
-    def worst(self) -> int:
-        """Return where it first costs most; of one that was never hidden, where it is farthest off."""
-        if self.hidden.any():
-            return int(np.argmax(self.cost_m))
-        return int(np.argmax(np.nan_to_num(np.where(self.tracked, self.distance_m, 0.0))))
-
-    def cells(self, step_s: float) -> list[str]:
-        """Return its numbers as they stand in the table."""
-        seen, percent = ~self.hidden, np.where(self.tracked, 100.0, 0.0)
-        return [
-            f"{step_s * seen.sum():.1f}", f"{step_s * self.hidden.sum():.1f}",
-            _mean(percent[seen], 0), _mean(self.distance_m[seen & self.tracked], 2),
-            _mean(percent[self.hidden], 0), _mean(self.distance_m[self.hidden & self.tracked], 2),
-            _mean(self.cost_m[self.hidden], 2),
-        ]  # fmt: skip
 
 
 def _mean(values: FloatArray, decimals: int) -> str:

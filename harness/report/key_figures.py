@@ -2,55 +2,144 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from harness.common.intervals import clopper_pearson
-from harness.report.html_tables import html_table
-from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, number
+from harness.common.intervals import LEVEL, clopper_pearson, garwood
+from harness.report.html_tables import below, html_table
+from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, decided, number
 from harness.running.finished import RecordedRun
-from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M, IN_SIGHT_DETECTIONS, IN_SIGHT_S, PLAIN_VIEW_M, PLAIN_VIEW_S
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, turned
 
 HEADINGS = ("", "this run", "perfect", "to compare with")
-HIDDEN_ERROR, SAME_TRACK, PLAIN_VIEW, HOTA = (
-    "Error of hidden vehicles, 10 m if lost",
-    "Same track after an occlusion",
-    "Vehicles in plain view with a track",
-    "HOTA of vehicles in sight",
-)
-FIRST = (HIDDEN_ERROR, SAME_TRACK, PLAIN_VIEW, HOTA)
-"""What stands at the top of the page."""
 STATE = ["lon_m", "lat_m", "speed_mps", "lat_speed_mps", "heading_rad"]
 
-Row = tuple[str, str, str, str, str, str]
-"""What, how it is to be read, the value, its interval, what is perfect, and what to compare it with."""
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """A figure of a run, as text.
+
+    Attributes:
+        note: How it is counted, with the definition of a term in its name.
+        interval: Its 95 % interval; empty for none.
+        detail: What it is over, or the same in another unit.
+        reference: A value to compare it with.
+        at_top: Whether it stands at the top of the page too.
+    """
+
+    name: str
+    note: str
+    value: str
+    interval: str = ""
+    detail: str = ""
+    perfect: str = ""
+    reference: str = ""
+    at_top: bool = False
 
 
-def key_rows(run: RecordedRun) -> list[Row]:
-    """Return the figures of a run."""
-    return _rows(run.metrics, coasting_errors_m(run), run.step_s)
+def key_table(figures: Sequence[KeyFigure]) -> Markup:
+    """Return the table of the figures."""
+    return html_table(
+        HEADINGS,
+        [
+            [each.name + below(each.note), each.value + below(each.interval, each.detail), each.perfect, each.reference]
+            for each in figures
+        ],
+    )
 
 
-def first_figures(found: Sequence[Row]) -> list[tuple[str, str, str, str]]:
-    """Return name, value, interval and what to compare it with of the figures that stand at the top of the page."""
-    known = (row for row in found if row[0] in FIRST and row[2] != "-")
-    return [(name, value, spread, other or f"perfect: {best}") for name, _, value, spread, best, other in known]
+def key_figures(run: RecordedRun) -> list[KeyFigure]:
+    """Return the figures of a run; none of decisions where no driver was asked."""
+    metrics, coasting_m = run.metrics, coasting_errors_m(run)
+    mae, mot, hidden = metrics["mae"], metrics["mot"], metrics.get("hidden") or {}
+    plain, noise = metrics.get("in_plain_view") or {}, metrics.get("detection_noise") or {}
+    occlusion, step_ms = metrics["occlusion"], metrics["timing"]["tracker_ms"]
+    tracks, scans = metrics["mot_all"].get("tracks_n"), metrics["timing"]["steps"]
+    events, kept = occlusion["events"] or 0, occlusion["same_id"] or 0
+    told = "constant velocity from the true state when last detected"
+    coverage = metrics["calibration"]
+    samples, within = coverage.get("n") or 0, number(coverage["coverage95"]["lon"], 0, " %")
+    return [
+        KeyFigure(
+            "Error of hidden vehicles, 10 m if lost", "mean over all that were detected before",
+            number(hidden.get("hidden_cost_m"), 2, " m"), _between(hidden.get("hidden_cost_m_ci95"), " m"),
+            perfect="0 m", reference=f"{coasting_m.mean():.2f} m: {told}" if len(coasting_m) else "", at_top=True,
+        ),
+        KeyFigure(
+            "Same track after an occlusion", "hidden for half a second or longer, then detected again",
+            f"{kept} of {events}" if events else "no case", *_share(kept, events), "all", at_top=True,
+        ),
+        KeyFigure(
+            "Vehicles in plain view with a track",
+            f"within {PLAIN_VIEW_M:g} m, share of the time; in plain view: visible for {PLAIN_VIEW_S:g} s or longer",
+            number(plain.get("recall"), 1, " %"), detail=f"of {plain['n']} vehicle-steps" if plain.get("n") else "",
+            perfect="100 %", at_top=True,
+        ),
+        KeyFigure(
+            "HOTA of vehicles in sight",
+            "detection and identity in one score; in sight: detected at least "
+            f"{IN_SIGHT_DETECTIONS} times, the last time at most {IN_SIGHT_S:g} s ago",
+            number(mot["hota"], 1, " %"), perfect="100 %", at_top=True,
+        ),
+        *_brakings(run),
+        KeyFigure(
+            "False tracks out of sight",
+            f"tracks of no vehicle, mean number at a time; out of sight: nothing detected there for {IN_SIGHT_S:g} s",
+            number(hidden.get("false_hidden_tracks_per_scan"), 2),
+            detail=f"of {tracks / scans:.1f} tracks in all" if tracks and scans else "", perfect="0",
+        ),
+        KeyFigure(
+            "Position error of visible vehicles", "while a track follows them",
+            number(mae["visible"].get("position_m"), 2, " m"), _between(mae["visible"].get("position_m_ci95"), " m"),
+            perfect="0 m",
+            reference=f"{np.hypot(noise['lon_m'], noise['lat_m']):.2f} m: detections" if noise.get("n") else "",
+        ),
+        KeyFigure(
+            "Identity switches in sight", "a vehicle's track is replaced by another", number(mot["id_switches"], 0),
+            detail=f"{number(mot.get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute", perfect="0",
+        ),
+        KeyFigure(
+            "True position within the track's 95 % interval",
+            "along the road, all vehicles; lower: the tracker is too sure, higher: too unsure",
+            within if samples >= FEWEST_SAMPLES else "too few samples", detail=f"n = {samples} vehicle-steps",
+            perfect="95 %",
+        ),
+        KeyFigure(
+            "Computing time of a step", "median, on the machine named below", number(step_ms["p50"], 0, " ms"),
+            detail=f"99 % within {number(step_ms['p99'], 0, ' ms')}",
+            reference=f"{1000.0 * run.step_s:.0f} ms: real time",
+        ),
+    ]  # fmt: skip
 
 
-def key_figures(found: Sequence[Row]) -> Markup:
-    """Return the table."""
-    rows: list[list[str | Markup]] = []
-    for name, note, value, interval, perfect, other in found:
-        cells = [(name, note), (value, interval)]
-        two_lines = [Markup("{}<br><span class='interval-cell'>{}</span>").format(*cell) for cell in cells]
-        rows.append([*two_lines, perfect, other])
-    return html_table(HEADINGS, rows)
+def _brakings(run: RecordedRun) -> list[KeyFigure]:
+    """Return how often the ego's driver would brake wrongly by the tracks; none where no driver was asked."""
+    decisions = decided(run.metrics)
+    if not decisions:
+        return []
+    missed, phantom, km = decisions["missed"], decisions["phantom"], decisions["km"]
+    needed = decisions["onsets"] + missed
+    interval, few = _share(missed, needed)
+    least, most = np.multiply(phantom, garwood(phantom)) if phantom else (0.0, -np.log(0.5 * LEVEL))
+    return [
+        KeyFigure(
+            "Missed brakings", "a driver brakes for the true vehicles, but not for the tracks",
+            f"{missed} of {needed}" if needed else "no case", interval,
+            f"{decisions['missed_per_km']:.2f} per km driven{few and f'; {few}'}" if needed else f"in {km:.2f} km", "0",
+            at_top=True,
+        ),
+        KeyFigure(
+            "Phantom brakings", "the driver brakes for the tracks, but not for the true vehicles", str(phantom),
+            f"{least / km:.1f} to {most / km:.1f} per km" if km else "",
+            f"{number(decisions['phantom_per_km'], 2)} per km driven, in {km:.2f} km", "0", at_top=True,
+        ),
+    ]  # fmt: skip
 
 
 def coasting_errors_m(run: RecordedRun) -> FloatArray:
@@ -76,64 +165,12 @@ def coasting_errors_m(run: RecordedRun) -> FloatArray:
     return np.minimum(known, FOLLOW_CUTOFF_M)
 
 
-def _rows(metrics: Mapping[str, Any], coasting_m: FloatArray, step_s: float) -> list[Row]:
-    mae, mot, hidden = metrics["mae"], metrics["mot"], metrics.get("hidden") or {}
-    plain, noise = metrics.get("in_plain_view") or {}, metrics.get("detection_noise") or {}
-    occlusion, step_ms = metrics["occlusion"], metrics["timing"]["tracker_ms"]
-    tracks, scans = metrics["mot_all"].get("tracks_n"), metrics["timing"]["steps"]
-    at_a_time = f"of {tracks / scans:.1f} tracks in all" if tracks and scans else ""
-    events, kept = occlusion["events"] or 0, occlusion["same_id"] or 0
-    told = "constant velocity from the true state when last seen"
-    coasting = f"{coasting_m.mean():.2f} m: {told}" if len(coasting_m) else ""
-    coverage = metrics["calibration"]
-    samples = coverage.get("n") or 0
-    within = number(coverage["coverage95"]["lon"], 0, " %")
-    sensor = f"{np.hypot(noise['lon_m'], noise['lat_m']):.2f} m: detections" if noise.get("n") else ""
-    return [
-        (
-            HIDDEN_ERROR, "mean over all that were seen before",
-            number(hidden.get("hidden_cost_m"), 2, " m"), _between(hidden.get("hidden_cost_m_ci95"), " m"), "0 m",
-            coasting,
-        ),
-        (
-            SAME_TRACK, "hidden for half a second or longer, then seen again",
-            f"{kept} of {events}" if events else "no case",
-            _share(kept, events) if events >= FEWEST_EVENTS else f"too few samples, n = {events}", "all", "",
-        ),
-        (
-            "False tracks out of sight", "tracks that follow no vehicle, mean number at a time",
-            number(hidden.get("false_hidden_tracks_per_scan"), 2), at_a_time, "0", "",
-        ),
-        (
-            PLAIN_VIEW, "within 60 m, share of the time", number(plain.get("recall"), 1, " %"),
-            f"of {plain['n']} vehicle-steps" if plain.get("n") else "", "100 %", "",
-        ),
-        (
-            "Position error of visible vehicles", "while a track follows them",
-            number(mae["visible"].get("position_m"), 2, " m"), _between(mae["visible"].get("position_m_ci95"), " m"),
-            "0 m", sensor,
-        ),
-        (HOTA, "detection and identity in one score", number(mot["hota"], 1, " %"), "", "100 %", ""),
-        (
-            "Identity switches in sight", "a vehicle's track is replaced by another", number(mot["id_switches"], 0),
-            f"{number(mot.get('id_switches_per_vehicle_minute'), 2)} per vehicle and minute", "0", "",
-        ),
-        (
-            "True position within the track's 95 % interval", "along the road, all vehicles",
-            within if samples >= FEWEST_SAMPLES else "too few samples", f"n = {samples} vehicle-steps", "95 %",
-            "lower: too sure; higher: too unsure",
-        ),
-        (
-            "Computing time of a step", "median, on the machine named below", number(step_ms["p50"], 0, " ms"),
-            f"99 % within {number(step_ms['p99'], 0, ' ms')}", "", f"{1000.0 * step_s:.0f} ms: real time",
-        ),
-    ]  # fmt: skip
-
-
-def _share(successes: int, trials: int) -> str:
-    """Return the 95 % interval of a share; see ``clopper_pearson``."""
+def _share(successes: int, trials: int) -> tuple[str, str]:
+    """Return the 95 % interval of a share, see ``clopper_pearson``, or empty and that there are too few trials."""
+    if trials < FEWEST_EVENTS:
+        return "", f"too few samples, n = {trials}"
     low, high = clopper_pearson(successes / trials, trials)
-    return f"{100 * low:.0f} to {100 * high:.0f} %"
+    return f"{100 * low:.0f} to {100 * high:.0f} %", ""
 
 
 def _between(interval: Sequence[float] | None, unit: str) -> str:

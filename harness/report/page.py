@@ -16,9 +16,9 @@ from markupsafe import Markup
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
-from harness.report.failures import worst_brakings, worst_failures
+from harness.report.failures import brakings_of, failures_of
 from harness.report.html_tables import error_table, hidden_table, mot_table, vehicle_table
-from harness.report.key_figures import first_figures, key_figures, key_rows
+from harness.report.key_figures import key_figures, key_table
 from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import OVER_TIME, diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
@@ -76,7 +76,7 @@ def run_page(run: RecordedRun) -> str:
     by_visibility = visibility_charts(run.metrics["mae"])
     # Of a long run the picture shows it all, where the chart would only know the beginning.
     over_time = error_charts(run.errors) if run.whole else Charts(())
-    drawn, figures = run.folder / runfolder.FIGURES / OVER_TIME, key_rows(run)
+    drawn, figures = run.folder / runfolder.FIGURES / OVER_TIME, key_figures(run)
     told = diagnostics_of(run)
     inside = diagnostics_charts(told) if told is not None else Charts(())
     return render(
@@ -87,11 +87,11 @@ def run_page(run: RecordedRun) -> str:
         version=version("mmpf-harness"),
         sentences=summary_sentences(run.metrics),
         setting=setting_sentence(run.metrics),
-        first_figures=first_figures(figures),
-        figures_table=key_figures(figures),
-        failures=worst_failures(run),
+        key_figures=figures,
+        figures_table=key_table(figures),
+        failures=failures_of(run),
         decisions=decision_summary(run.metrics),
-        brakings=worst_brakings(run),
+        brakings=brakings_of(run),
         lost=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[] if run.whole or not drawn.is_file() else [PageFigure(embedded(drawn), OVER_TIME_WORDS)],
         error_table=error_table(run.metrics["mae"]),

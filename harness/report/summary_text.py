@@ -11,8 +11,8 @@ Metrics = Mapping[str, Any]
 
 # Shares, in percent, between which 95 % intervals pass for right; hidden vehicles are few and their errors alike.
 HONEST_COVERAGE = (
-    ("visible", "visible vehicles", (93.0, 97.0)),
-    ("hidden", "hidden ones", (90.0, 98.0)),
+    ("visible", "vehicles that are not hidden", (93.0, 97.0)),
+    ("hidden", "hidden vehicles", (90.0, 98.0)),
 )
 FEWEST_EVENTS, FEWEST_SAMPLES = 5, 100
 """Of fewer occlusions, or fewer vehicle-steps, nothing is said."""
@@ -84,7 +84,7 @@ def _occlusions(metrics: Metrics) -> str:
     occlusion = metrics["occlusion"]
     events, untracked = occlusion["events"], occlusion.get("untracked") or 0
     if not events:
-        return "No vehicle was hidden for half a second or longer and seen again."
+        return "No vehicle was hidden for half a second or longer and detected again."
     fates = {
         "had the same track": occlusion["same_id"],
         "had lost it": occlusion["lost"] - untracked,
@@ -93,7 +93,7 @@ def _occlusions(metrics: Metrics) -> str:
         "had their track in another place": occlusion["survived"] - occlusion["same_id"],
     }
     text = (
-        f"Vehicles were hidden for half a second or longer and seen again {_times(events)}: "
+        f"Vehicles were hidden for half a second or longer and detected again {_times(events)}: "
         + ", ".join(f"{count} {fate}" for fate, count in fates.items() if count)
         + "."
     )
@@ -118,16 +118,13 @@ def _trust(metrics: Metrics) -> str:
         if scores["n"] < FEWEST_SAMPLES:
             parts.append(f"too few samples of {name} (n = {scores['n']})")
             continue
-        verdict = "about right"
-        if round(share) < least:
-            verdict = "the tracker is too sure"
-        elif round(share) > most:
-            verdict = "the tracker is too unsure"
+        wrong = "the tracker is too sure" if round(share) < least else "the tracker is too unsure"
+        verdict = "about right" if least <= round(share) <= most else wrong
         parts.append(f"{share:.0f} % for {name} ({verdict})")
     return f"The true position was within the tracks' 95 % intervals: {', '.join(parts)}." if parts else ""
 
 
-def _decided(metrics: Metrics) -> Metrics:
+def decided(metrics: Metrics) -> Metrics:
     """Return what the ego's driver would have done; nothing where none was asked."""
     decisions: Metrics = metrics.get("decisions") or {}
     return decisions if decisions.get("n") else {}
@@ -135,7 +132,7 @@ def _decided(metrics: Metrics) -> Metrics:
 
 def decision_sentence(metrics: Metrics) -> str:
     """Return a sentence on missed and phantom brakings; empty where no driver was used."""
-    decisions = _decided(metrics)
+    decisions = decided(metrics)
     if not decisions:
         return ""
     return (
@@ -151,7 +148,7 @@ def _missed(decisions: Metrics) -> str:
 
 def decision_summary(metrics: Metrics) -> str:
     """Return sentences on the driver's decisions by the tracks; empty where no driver was used."""
-    decisions = _decided(metrics)
+    decisions = decided(metrics)
     if not decisions:
         return ""
     driver = metrics["run"].get("driver", "")

@@ -15,15 +15,15 @@ from harness.common.numbers import as_json
 from harness.decisions.decide import driver_of
 from harness.report.failures import (
     braking_sentence,
+    brakings_of,
+    failures_of,
     occlusion_sentence,
+    ranked_events,
     withheld_sentence,
     withheld_vehicles,
-    worst_brakings,
-    worst_events,
-    worst_failures,
 )
 from harness.report.html_tables import mot_table
-from harness.report.page import write_run_page
+from harness.report.page import run_page, write_run_page
 from harness.report.replay_data import replay_data
 from harness.report.summary import print_summary
 from harness.report.summary_text import decision_summary, summary_sentences
@@ -94,9 +94,8 @@ def test_lost_and_stolen_tracks_come_first_then_the_largest_error_then_the_longe
          event("long", "lost", 4.0), event("longer", "lost", 9.0)]
     )  # fmt: skip
     off = errors(kept=20.0, astray=15.0, stolen=3.0, lost=5.0, long=1.0, longer=1.0)
-    order = [chosen["vehicle_id"] for chosen in worst_events(table, off, count=6)]
+    order = [ranked["vehicle_id"] for ranked in ranked_events(table, off)]
     assert order == ["lost", "stolen", "longer", "long", "astray", "kept"]
-    assert [chosen["vehicle_id"] for chosen in worst_events(table, off, count=2)] == order[:2]
 
 
 def test_only_the_error_of_the_events_own_track_between_the_two_sightings_counts():
@@ -104,14 +103,14 @@ def test_only_the_error_of_the_events_own_track_between_the_two_sightings_counts
     off.loc[off["step"] == 15, ["lon_error_m", "lat_error_m"]] = [3.0, 4.0]
     off.loc[off["step"] == 16, ["track_id", "lon_error_m"]] = [2, 50.0]
     off.loc[off["step"] == 30, "lon_error_m"] = 60.0
-    (chosen,) = worst_events(pd.DataFrame([event("car", "lost")]), off)
+    (chosen,) = ranked_events(pd.DataFrame([event("car", "lost")]), off)
     assert chosen["largest_error_m"] == pytest.approx(5.0)
-    (unmeasured,) = worst_events(pd.DataFrame([event("car", "lost")]), errors(other=1.0))
+    (unmeasured,) = ranked_events(pd.DataFrame([event("car", "lost")]), errors(other=1.0))
     assert not re.search("off|nan", occlusion_sentence(unmeasured))
 
 
 def test_a_withheld_vehicle_comes_before_every_occlusion_and_each_is_replayed(run):
-    near, far = worst_failures(run)
+    near, far = failures_of(run).worst
     assert (near.vehicle_id, near.time_s, near.until_s) == ("near", 1.0, 5.5)
     assert (far.vehicle_id, far.time_s, far.until_s) == ("far", 2.0, 4.5)
     assert far.sentence.startswith("far, hidden for 2.0 s: its track 2 was deleted")
@@ -139,13 +138,19 @@ def with_vehicles(run, *entries):
 
 def test_an_old_run_and_a_vehicle_that_is_not_shown_give_no_withheld_vehicle(run):
     old = replace(run, metrics={key: value for key, value in run.metrics.items() if key != "in_plain_view"})
-    assert withheld_vehicles(old) == []
-    assert withheld_vehicles(with_vehicles(run, ENTRY | {"id": "gone"}, ENTRY | {"to_s": 99.0})) == []
+    assert list(withheld_vehicles(old)) == []
+    assert list(withheld_vehicles(with_vehicles(run, ENTRY | {"id": "gone"}, ENTRY | {"to_s": 99.0}))) == []
 
 
-def test_at_most_four_withheld_vehicles_are_shown_the_worst_first(run):
-    found = withheld_vehicles(with_vehicles(run, *(ENTRY | {"without_track_s": 9.0 - k} for k in range(6))))
-    assert [re.findall(r"for (\d\.\d) s", each.sentence) for each in found] == [["9.0"], ["8.0"], ["7.0"], ["6.0"]]
+def test_four_withheld_vehicles_and_five_occlusions_are_shown_and_a_fold_has_every_other_failure(run):
+    occlusion = run.events.iloc[[0] * 8].assign(outcome=[*["lost"] * 6, "survived", "same_id"])
+    many = replace(with_vehicles(run, *(ENTRY | {"without_track_s": 9.0 - k} for k in range(6))), events=occlusion)
+    found = failures_of(many)
+    told = [[each.sentence.partition(" s")[0][-3:] for each in part] for part in (found.worst, found.others)]
+    assert told == [["9.0", "8.0", "7.0", "6.0", *["2.0"] * 5], ["5.0", "4.0", "2.0", "2.0"]]
+    page = run_page(many)
+    assert page.count('<button type="button" data-vehicle=') == 13
+    assert "<summary>4 more" in page
 
 
 def test_the_page_says_how_many_are_withheld_and_tells_the_first(run):
@@ -184,16 +189,16 @@ def test_the_worst_brakings_differ_most_for_longest(driven):
         BRAKING | {"vehicle_id": "long", "duration_s": 4.0, "truth_mps2": -3.0},
         BRAKING | {"vehicle_id": "mild", "duration_s": 0.5, "truth_mps2": -2.0},
     ])  # fmt: skip
-    found = worst_brakings(replace(run, brakings=table))
-    assert [each.vehicle_id for each in found] == ["long", "short", "mild"]
-    assert worst_brakings(replace(run, brakings=table), count=1) == found[:1]
+    found = brakings_of(replace(run, brakings=pd.concat([table, table], ignore_index=True)))
+    names = [each.vehicle_id for each in [*found.worst, *found.others]]
+    assert (names, len(found.others)) == (["long", "long", "short", "short", "mild", "mild"], 1)
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({}, "Missed braking for far, unseen for 1.5 s: -4.0 m/s² by the truth and 0.5 m/s² by the tracks, for 1.0 s;"
-             " its track was deleted."),
+        ({}, "Missed braking for far, not detected for 1.5 s: -4.0 m/s² by the truth and 0.5 m/s² by the tracks, "
+             "for 1.0 s; its track was deleted."),
         ({"fate": "none", "unseen_s": np.nan}, "never detected"),
         ({"fate": "displaced", "track_id": 4, "unseen_s": 0.0, "visibility": "partial"}, "far, partly hidden: "),
         ({"fate": "displaced", "track_id": 4}, "track 4 follows it, but has another position or speed."),

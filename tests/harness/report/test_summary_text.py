@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.report.key_figures import coasting_errors_m, first_figures, key_figures, key_rows
+from harness.report.key_figures import coasting_errors_m, key_figures, key_table
 from harness.report.summary_text import setting_sentence, summary_sentences
 from harness.running.finished import read_recorded_run
 from harness.scoring.metrics.registry import completed
@@ -26,9 +26,9 @@ def metrics(tmp_path):
 @pytest.mark.parametrize(
     ("in_view", "hidden", "words"),
     [
-        (95.0, 80.0, "95 % for visible vehicles (about right), 80 % for hidden ones (the tracker is too sure"),
-        (99.0, 95.0, "99 % for visible vehicles (the tracker is too unsure)"),
-        (95.0, None, "95 % for visible vehicles (about right)."),
+        (95.0, 80.0, "not hidden (about right), 80 % for hidden vehicles (the tracker is too sure"),
+        (99.0, 95.0, "99 % for vehicles that are not hidden (the tracker is too unsure)"),
+        (95.0, None, "95 % for vehicles that are not hidden (about right)."),
     ],
 )
 def test_intervals_are_judged_for_visible_and_hidden_vehicles_apart(metrics, in_view, hidden, words):
@@ -36,7 +36,7 @@ def test_intervals_are_judged_for_visible_and_hidden_vehicles_apart(metrics, in_
         metrics["calibration"][state] |= {"n": 1000, "coverage95": {"lon": share}}
     assert words in " ".join(summary_sentences(metrics))
     metrics["calibration"]["visible"]["n"] = 4
-    assert "too few samples of visible vehicles (n = 4)" in " ".join(summary_sentences(metrics))
+    assert "too few samples of vehicles that are not hidden (n = 4)" in " ".join(summary_sentences(metrics))
 
 
 @pytest.mark.parametrize(("road", "turn_rad"), [(highway(), 0.0), (LaneGraphRoad(without_map()), 0.3)])
@@ -47,10 +47,8 @@ def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected_a
     truth = {(row.step, row.vehicle_id): row for row in run.truth.itertuples()}
     for row in run.errors.itertuples():
         if row.state == "hidden":
-            begun, now = (
-                truth[row.step - round(row.seconds_hidden / run.step_s), row.vehicle_id],
-                truth[row.step, row.vehicle_id],
-            )
+            begun = truth[row.step - round(row.seconds_hidden / run.step_s), row.vehicle_id]
+            now = truth[row.step, row.vehicle_id]
             along, across = begun.speed_mps * row.seconds_hidden, begun.lat_speed_mps * row.seconds_hidden
             ahead = begun.lon_m + along * cosine - across * sine - now.lon_m
             aside = begun.lat_m + along * sine + across * cosine - now.lat_m
@@ -61,9 +59,9 @@ def test_constant_velocity_predictions_start_where_a_vehicle_was_last_detected_a
 
 def test_key_figures_bear_the_metrics_numbers_and_intervals(run):
     run.metrics["hidden"] |= {"hidden_cost_m": 3.219, "hidden_cost_m_ci95": [2.402, 4.056]}
-    rows = key_rows(run)
-    table = str(key_figures(rows))
-    assert first_figures(rows)[0][:2] == ("Error of hidden vehicles, 10 m if lost", "3.22 m")
+    figures = key_figures(run)
+    table = str(key_table(figures))
+    assert (figures[0].value, figures[0].interval, figures[0].at_top) == ("3.22 m", "2.40 to 4.06 m", True)
     assert "3.22 m<br><span class='interval-cell'>2.40 to 4.06 m" in table
     assert "too few samples, n = 1" in table
     assert "m: constant velocity" in table
@@ -74,6 +72,21 @@ def test_what_was_not_scored_is_left_out(run):
     empty["occlusion"]["events"] = 0
     run.metrics.clear()
     run.metrics.update(empty)
-    text = " ".join([*summary_sentences(empty), setting_sentence(empty), str(key_figures(key_rows(run)))])
+    text = " ".join([*summary_sentences(empty), setting_sentence(empty), str(key_table(key_figures(run)))])
     assert "None" not in text
     assert "nan" not in text
+
+
+def test_brakings_stand_at_the_top_with_exact_intervals_and_only_where_a_driver_was_asked(run):
+    assert "brakings" not in str(key_table(key_figures(run)))
+    driven = {"n": 90, "km": 0.5, "onsets": 8, "missed": 2, "phantom": 0, "missed_per_km": 4.0, "phantom_per_km": 0.0}
+    run.metrics["decisions"] = driven
+    missed, phantom = (each for each in key_figures(run) if "brakings" in each.name)
+    # Clopper and Pearson's interval of 2 of 10 is 2.5 to 55.6 %; of no event, Poisson's mean is up to 3.69.
+    assert (missed.at_top, missed.value, missed.interval) == (True, "2 of 10", "3 to 56 %")
+    assert (phantom.at_top, phantom.value, phantom.interval) == (True, "0", "0.0 to 7.4 per km")
+    driven |= {"onsets": 1, "phantom": 3}
+    missed, phantom = (each for each in key_figures(run) if "brakings" in each.name)
+    # Garwood's interval of 3 events is 0.619 to 8.767.
+    assert (missed.interval, phantom.interval) == ("", "1.2 to 17.5 per km")
+    assert "too few samples, n = 3" in missed.detail
