@@ -21,8 +21,9 @@ from harness.truth.frame import Frame
 from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road
 from mmpf.scan import Scan
-from mmpf.tracks import CONFIRMED, Tracks
+from mmpf.tracks import Tracks
 from tests.harness.closedloop.frames import frame_of
+from tests.mmpf.scenes import tracks_of
 
 
 def track(snapshots, build, seed, watchers=(), times=None) -> SimpleNamespace:
@@ -86,20 +87,8 @@ class EchoTracker:
         count = len(scan.detections)
         ids = np.arange(self.next_id, self.next_id + count)
         self.next_id += count
-        one = np.ones(count)
-        return Tracks(
-            track_id=ids,
-            lon_m=scan.detections.lon_m + 0.01 * self.setting.rng.standard_normal(count),
-            lat_m=scan.detections.lat_m,
-            speed_mps=20.0 * one,
-            lat_speed_mps=0.0 * one,
-            accel_mps2=0.0 * one,
-            std_lon_m=0.3 * one,
-            std_lat_m=0.2 * one,
-            std_speed_mps=one,
-            existence=one,
-            state=np.full(count, CONFIRMED, dtype=np.int8),
-        )
+        lon_m = scan.detections.lon_m + 0.01 * self.setting.rng.standard_normal(count)
+        return tracks_of(lon_m, scan.detections.lat_m, track_id=ids, std_lat_m=0.2, std_speed_mps=1.0)
 
 
 def echo_tracker(setting: TrackerSetting, options: Mapping[str, object]) -> EchoTracker:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mmpf.belief.mixture import Mixture, ParticleCloud
 from mmpf.joint.sources import Sources
@@ -14,6 +15,7 @@ from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import Detections, EgoPose, Scan
+from mmpf.tracks import CONFIRMED, Tracks
 
 ROAD = highway()
 LANE_WIDTH_M = 3.66
@@ -37,6 +39,18 @@ def detections_at(positions: list[tuple[float, float]], std_lon_m: float = 0.3, 
 
 def scan_of(time_s: float, positions: list[tuple[float, float]], ego: EgoPose | None = None) -> Scan:
     return Scan(time_s, detections_at(positions), ego or ego_at())
+
+
+def tracks_of(lon_m: ArrayLike, lat_m: ArrayLike, **columns: ArrayLike) -> Tracks:
+    """Return confirmed tracks from number 1 on that are surely there, at 20 m/s unless their columns are given."""
+    count = len(np.atleast_1d(lon_m))
+    made: dict[str, ArrayLike] = {
+        "track_id": np.arange(1, count + 1), "lon_m": lon_m, "lat_m": lat_m, "speed_mps": 20.0, "lat_speed_mps": 0.0,
+        "accel_mps2": 0.0, "std_lon_m": 0.3, "std_lat_m": 0.3, "std_speed_mps": 0.3, "existence": 1.0,
+        "state": CONFIRMED, **columns,
+    }  # fmt: skip
+    types = {"track_id": np.int64, "state": np.int8}
+    return Tracks(**{name: np.full(count, value, types.get(name, np.float64)) for name, value in made.items()})
 
 
 def belief_of(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from harness.analysis.single import _of_sides
@@ -36,31 +35,18 @@ def evidence() -> Evidence:
 
 def six_cars(seed: int, apart_m: float = 40.0) -> Evidence:
     """Return what is known of six cars in two lanes, two of them hidden for a time, under a tracker with a stray."""
-    rng, truth, detections, tracks = np.random.default_rng(seed), [], [], []
-    for step in range(80):
-        for car in range(CARS):
-            hidden = car in (2, 5) and 40 <= step < 60
-            place = {
-                "step": step,
-                "time_s": 0.1 * step,
-                "lon_m": 2.0 * step + apart_m * (car // 2),
-                "lat_m": 4.0 * (car % 2),
-            }
-            speed = {"speed_mps": 20.0, "lat_speed_mps": 0.0}
-            state = "hidden" if hidden else "visible"
-            who = {"vehicle_id": str(car), "is_ego": False, "in_range": True, "state": state}
-            truth.append(place | speed | who)
-            if not hidden:
-                detections.append(place | {"truth_id": str(car)})
-            if rng.random() < 0.9 and not (car == 5 and step > 45):
-                number = car + 10 * (step > 50 and car == 1)
-                deviations = {"std_lon_m": 0.5, "std_lat_m": 0.5, "std_speed_mps": 0.5}
-                off = {"lon_m": place["lon_m"] + rng.normal(), "lat_m": place["lat_m"] + 0.3 * rng.normal()}
-                tracks.append(place | off | speed | deviations | {"track_id": number, "state": "confirmed"})
-        if 10 <= step < 30:
-            stray = {"lon_m": 2.0 * step + 60.0, "lat_m": 12.0, "track_id": 99, "state": "confirmed"}
-            tracks.append(tracks[-1] | stray)
-    return gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(tracks), 0)
+    rng, step, scene = np.random.default_rng(seed), np.arange(80), Scene(80)
+    for car in range(CARS):
+        hidden = (car in (2, 5)) & (step >= 40) & (step < 60)
+        lon, lat = 2.0 * step + apart_m * (car // 2), 4.0 * (car % 2)
+        scene.vehicle(str(car), lon, lat, np.where(hidden, "hidden", "visible"), ~hidden, speed=20.0)
+        at = step[(rng.random(80) < 0.9) & ~((car == 5) & (step > 45))]
+        off = rng.normal(size=(2, len(at)))
+        number = car + 10 * ((at > 50) & (car == 1))
+        scene.track(number, lon[at] + off[0], lat + 0.3 * off[1], at, speed=20.0, std=0.5)
+    scene.track(99, 2.0 * step[10:30] + 60.0, 12.0, step[10:30], speed=20.0, std=0.5)
+    truth, detections, tracks = scene.tables()
+    return gather(truth.query("not is_ego").reset_index(drop=True), detections, tracks, 0)
 
 
 @pytest.mark.parametrize(

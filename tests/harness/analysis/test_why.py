@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from harness.analysis.why import (
@@ -22,6 +21,7 @@ from harness.analysis.why import (
 )
 from harness.scoring.gathered import gather
 from harness.scoring.metrics.registry import score_metrics
+from tests.harness.scoring.scenes import Scene
 
 STEPS = 60
 Spans = list[tuple[int, int, int, float]]
@@ -30,27 +30,15 @@ Spans = list[tuple[int, int, int, float]]
 
 def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[TrackFailure]:
     """Return the failures over two cars in lanes 0 and 4 m, of which the first is hidden for a time."""
-    truth, detections = [], []
-    for step in range(STEPS):
-        for name, lat_m in (("ego", 8.0), ("one", 0.0), ("two", 4.0)):
-            hidden = name == "one" and unseen is not None and unseen[0] <= step <= unseen[1]
-            place = {"step": step, "time_s": 0.1 * step, "lon_m": 2.0 * step, "lat_m": lat_m, "speed_mps": 20.0}
-            state = "hidden" if hidden else "visible"
-            truth.append(
-                {**place, "lat_speed_mps": 0.0, "vehicle_id": name, "is_ego": name == "ego", "in_range": True}
-                | {"state": state}
-            )
-            if name != "ego" and not hidden:
-                detections.append({**place, "truth_id": name})
-    rows = [
-        {
-            "step": step, "time_s": 0.1 * step, "track_id": number, "lon_m": 2.0 * step, "lat_m": lane,
-            "state": "confirmed", "speed_mps": 20.0, "lat_speed_mps": 0.0,
-            "std_lon_m": 0.1, "std_lat_m": 0.1, "std_speed_mps": 0.1,
-        }
-        for number, first, last, lane in tracks for step in range(first, last + 1)
-    ]  # fmt: skip
-    evidence = gather(pd.DataFrame(truth), pd.DataFrame(detections), pd.DataFrame(rows), 0)
+    step, driven = np.arange(STEPS), Scene(STEPS)
+    first, last = unseen or (STEPS, STEPS)
+    hidden = (first <= step) & (step <= last)
+    driven.vehicle("one", 2.0 * step, 0.0, np.where(hidden, "hidden", "visible"), ~hidden, speed=20.0)
+    driven.vehicle("two", 2.0 * step, 4.0, detected=True, speed=20.0)
+    for number, first, last, lane in tracks:
+        at = step[first : last + 1]
+        driven.track(number, 2.0 * at, lane, at, speed=20.0, std=0.1)
+    evidence = gather(*driven.tables(), 0)
     found = failures(evidence)
     metrics = score_metrics(evidence)
     assert sum(each.kind == SWITCH for each in found) == metrics["mot"]["id_switches"]

@@ -15,28 +15,11 @@ from harness.sensor.profiles import sensor_settings
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
-from mmpf.tracks import CONFIRMED, TENTATIVE, Tracks
+from mmpf.tracks import CONFIRMED, TENTATIVE
 from tests.harness.closedloop.frames import frame_of
+from tests.mmpf.scenes import tracks_of
 
 ROAD = highway()
-
-
-def tracks_at(lon, lat, speed=8.0, state=CONFIRMED, existence=1.0, first=0):
-    count = len(lon)
-    ones = np.ones(count)
-    return Tracks(
-        track_id=first + np.arange(count),
-        lon_m=np.asarray(lon, dtype=np.float64),
-        lat_m=np.asarray(lat, dtype=np.float64),
-        speed_mps=speed * ones,
-        lat_speed_mps=0.0 * ones,
-        accel_mps2=0.0 * ones,
-        std_lon_m=ones,
-        std_lat_m=ones,
-        std_speed_mps=ones,
-        existence=np.broadcast_to(existence, (count,)).astype(np.float64),
-        state=np.broadcast_to(state, (count,)).astype(np.int8),
-    )
 
 
 @pytest.mark.parametrize("in_plane", [False, True])
@@ -50,9 +33,9 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
         direction = {"direction_rad": np.zeros(5)} if in_plane else {}
         frame = frame_of(lon, [1.8, 1.8, 5.4, 5.4, 9.0], step=step, length_m=[4.5, 4.0, 5.5, 4.2, 9.0], **direction)
         snapshot = Snapshot(frame, sensor.observe(frame, ROAD, rng))
-        tracks = tracks_at(
+        tracks = tracks_of(
             lon[1:] + rng.normal(0.0, 0.3, 4), frame.lat_m[1:],
-            speed=np.nan if step % 7 == 0 else 8.0, existence=[0.9, 0.4, 0.8, 1.0],
+            speed_mps=np.nan if step % 7 == 0 else 8.0, existence=[0.9, 0.4, 0.8, 1.0],
             state=[CONFIRMED, CONFIRMED, TENTATIVE, CONFIRMED],
         )  # fmt: skip
         recorder.add(snapshot, tracks)

@@ -127,7 +127,9 @@ class Scene:
         self.truth, self.detections, self.tracks = [], [], []
         self.vehicle("ego", lon=0.0, is_ego=True)
 
-    def vehicle(self, name, lon, lat=0.0, state="visible", detected=False, episode=0, is_ego=False, at=None):
+    def vehicle(
+        self, name, lon, lat=0.0, state="visible", detected=False, episode=0, is_ego=False, at=None, speed=10.0
+    ):
         """Add a vehicle; arguments are constants or one value per step. ``at`` chooses the steps it exists at."""
         step = np.arange(self.steps) if at is None else np.asarray(at)
         table = pd.DataFrame(
@@ -138,7 +140,7 @@ class Scene:
                 "vehicle_id": name,
                 "lon_m": lon,
                 "lat_m": lat,
-                "speed_mps": 10.0,
+                "speed_mps": speed,
                 "lat_speed_mps": 0.0,
                 "is_ego": is_ego,
                 "state": state,
@@ -181,23 +183,6 @@ class Scene:
 
     def tables(self):
         """Return truth, detections and tracks."""
-        empty = {
-            "step": np.zeros(0, dtype=np.int64),
-            "track_id": np.zeros(0, dtype=np.int64),
-            "state": np.array([], dtype=str),
-            **{
-                name: np.zeros(0)
-                for name in (
-                    "time_s",
-                    "lon_m",
-                    "lat_m",
-                    "speed_mps",
-                    "lat_speed_mps",
-                    "std_lon_m",
-                    "std_lat_m",
-                    "std_speed_mps",
-                )
-            },
-        }
-        tracks = pd.concat(self.tracks, ignore_index=True) if self.tracks else pd.DataFrame(empty)
-        return pd.concat(self.truth, ignore_index=True), pd.concat(self.detections, ignore_index=True), tracks
+        if not self.tracks:
+            self.track(0, lon=0.0, at=np.zeros(0, dtype=np.int64))
+        return tuple(pd.concat(rows, ignore_index=True) for rows in (self.truth, self.detections, self.tracks))

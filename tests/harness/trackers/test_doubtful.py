@@ -13,6 +13,7 @@ from harness.trackers.protocol import TrackerSetting
 from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
+from tests.mmpf.scenes import tracks_of
 
 EGO = EgoPose(0.0, 0.0, 0.0, 20.0, 4.7, 1.9)
 NOBODY = Detections(*[np.zeros(0)] * 6)
@@ -24,11 +25,7 @@ STANDS, MOVES = (40.0, 3.6, 0.0), (40.0, 3.6, 20.0)
 def tracks_at(places: list[tuple[float, float, float]], std_speed: float = 0.3, state: int = CONFIRMED) -> Tracks:
     """Return tracks of identities from 1 on, each with its place along and across the road and its speed."""
     lon, lat, speed = np.array(places).reshape(-1, 3).T
-    ones = np.ones(len(places))
-    return Tracks(
-        np.arange(1, len(places) + 1), lon, lat, speed, 0.0 * ones, 0.0 * ones, 0.3 * ones, 0.3 * ones,
-        std_speed * ones, ones, np.full(len(places), state, dtype=np.int8),
-    )  # fmt: skip
+    return tracks_of(lon, lat, speed_mps=speed, std_speed_mps=std_speed, state=state)
 
 
 class Scripted:

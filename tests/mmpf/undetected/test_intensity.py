@@ -16,6 +16,7 @@ from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 from mmpf.undetected.intensity import QUEUE_M, QUEUED, UnseenOptions, UnseenTraffic
 from mmpf.visibility.range_profile import Reach
 from tests.mmpf.map.scenes import graph_of
+from tests.mmpf.scenes import tracks_of
 
 ROAD = highway(lanes=3, lane_width_m=3.6)
 NO_DETECTIONS = Detections(*[np.zeros(0)] * 6)
@@ -26,18 +27,10 @@ def scan(time_s, lon_m=300.0, speed_mps=20.0):
     return Scan(time_s, NO_DETECTIONS, EgoPose(lon_m + speed_mps * time_s, 1.8, 0.0, speed_mps, 4.7, 1.9))
 
 
-def tracks(*vehicles, time_s=0.0, state=CONFIRMED, existence=1.0, std_lon_m=0.3):
+def tracks(*vehicles, time_s=0.0, **columns):
     """Vehicles as (id, metres ahead, lateral place), all at 20 m/s beside the ego."""
-    count = len(vehicles)
-    number, ahead, lat = (
-        (np.array(column, dtype=float) for column in zip(*vehicles, strict=True)) if count else [np.zeros(0)] * 3
-    )
-    full = np.full(count, 1.0)
-    return Tracks(
-        track_id=number.astype(np.int64), lon_m=300.0 + 20.0 * time_s + ahead, lat_m=lat, speed_mps=20.0 * full,
-        lat_speed_mps=0.0 * full, accel_mps2=0.0 * full, std_lon_m=std_lon_m * full, std_lat_m=0.2 * full,
-        std_speed_mps=0.5 * full, existence=existence * full, state=np.full(count, state, dtype=np.int8),
-    )  # fmt: skip
+    number, ahead, lat = np.array(vehicles, dtype=float).reshape(-1, 3).T
+    return tracks_of(300.0 + 20.0 * time_s + ahead, lat, track_id=number, std_lat_m=0.2, std_speed_mps=0.5, **columns)
 
 
 SENSOR = SensorModel()

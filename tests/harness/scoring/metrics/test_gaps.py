@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.harness.scoring.scenes import score_run
+from tests.harness.scoring.scenes import STEP_S, Scene, score_run
 
-STEPS, STEP_S = 60, 0.1
+STEPS = 60
 # Vehicle, speed, gap in its detections, whether its track goes on through the gap, whether it is parked.
 SCENE = (
     ("moving kept", 10.0, range(20, 35), True, False),
@@ -19,27 +19,16 @@ SCENE = (
 
 
 def tables(with_parked: bool = True) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    truth, detections, tracks = [], [], []
-    for step in range(STEPS):
-        when = {"step": step, "time_s": round(step * STEP_S, 6), "episode": 0}
-        ego = {"lon_m": 0.0, "lat_m": 0.0, "speed_mps": 0.0, "is_ego": True, "state": "visible", "in_range": True}
-        truth.append({**when, "vehicle_id": "ego", **ego, "parked": False})
-        for number, (name, speed, gap, kept, parked) in enumerate(SCENE):
-            place = {"lon_m": 10.0 + speed * step * STEP_S, "lat_m": 10.0 * number}
-            state = "hidden" if step in gap else "visible"
-            about = {"speed_mps": speed, "is_ego": False, "state": state, "in_range": True}
-            truth.append({**when, "vehicle_id": name, **place, **about, "parked": parked})
-            if step not in gap:
-                detections.append({**when, **place, "truth_id": name})
-            identity = number + 1 if kept or step < gap[0] else number + 11
-            if kept or step not in gap:
-                off = {"lon_m": place["lon_m"] + 0.3, "lat_m": place["lat_m"] + 0.4}
-                tracks.append({**when, "track_id": identity, **off, "speed_mps": speed, "state": "confirmed"})
-    made = [pd.DataFrame(rows) for rows in (truth, detections, tracks)]
-    made[0]["lat_speed_mps"] = 0.0
-    for name in ("lat_speed_mps", "std_lon_m", "std_lat_m", "std_speed_mps"):
-        made[2][name] = 0.5
-    return made[0] if with_parked else made[0].drop(columns="parked"), made[1], made[2]
+    scene, step = Scene(STEPS), np.arange(STEPS)
+    for number, (name, speed, gap, kept, _) in enumerate(SCENE):
+        hidden = np.isin(step, list(gap))
+        lon, lat = 10.0 + speed * STEP_S * step, 10.0 * number
+        scene.vehicle(name, lon, lat, np.where(hidden, "hidden", "visible"), ~hidden, speed=speed)
+        at = step[~hidden | kept]
+        scene.track(number + np.where(kept | (at < gap[0]), 1, 11), lon[at] + 0.3, lat + 0.4, at, speed=speed, std=0.5)
+    truth, detections, tracks = scene.tables()
+    parked = truth["vehicle_id"].isin([name for name, *_, is_parked in SCENE if is_parked])
+    return truth.assign(parked=parked) if with_parked else truth, detections, tracks
 
 
 def test_gaps_are_counted_for_moving_and_parked_vehicles_apart() -> None:

@@ -3,55 +3,32 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from tests.harness.scoring.scenes import score_run
+from tests.harness.scoring.scenes import STEP_S, Scene, score_run
 
-STEPS, STEP_S = 60, 0.1
+STEPS = 60
 FROM, LONG, SHORT = 20, 20, 10
 
 
-def scene(short_track: str = "kept", accel_mps2: float = 1.0):
+def scene(replaced: bool = False):
     """Return tables of two vehicles 30 m apart sideways; one is hidden for 2 s, the other for 1 s, both from 2 s on.
 
-    The first speeds up, and its track follows at a distance of 0.5 m. The second keeps its speed; its track is kept
-    1 m off, lost, or replaced by another one when the vehicle returns.
+    The first speeds up, and its track follows at a distance of 0.5 m. The second keeps its speed; its track is 1 m off,
+    and is kept or replaced by another one when the vehicle returns.
     """
-    truth, detections, tracks = [], [], []
-    for step in range(STEPS):
-        time_s = round(step * STEP_S, 6)
-        when = {"step": step, "time_s": time_s, "episode": 0}
-        hidden_s = max(0.0, time_s - (FROM - 1) * STEP_S)
-        ego = {
-            "vehicle_id": "ego",
-            "lon_m": 0.0,
-            "lat_m": 0.0,
-            "speed_mps": 0.0,
-            "is_ego": True,
-            "pseudo_hidden_s": 0.0,
-        }
-        truth.append({**when, **ego, "state": "visible", "in_range": True})
-        for number, (name, count) in enumerate((("long", LONG), ("short", SHORT))):
-            away = FROM <= step < FROM + count
-            grown = 0.5 * accel_mps2 * hidden_s**2 if name == "long" else 0.0
-            place = {"lon_m": 10.0 * time_s + grown, "lat_m": 30.0 * number}
-            speed = 10.0 + (accel_mps2 * hidden_s if name == "long" else 0.0)
-            about = {"speed_mps": speed, "is_ego": False, "state": "hidden" if away else "visible", "in_range": True}
-            length = round(count * STEP_S, 6) if away else 0.0
-            truth.append({**when, "vehicle_id": name, **place, **about, "pseudo_hidden_s": length})
-            if not away:
-                detections.append({**when, **place, "truth_id": name})
-            identity, off = number + 1, 0.5 if name == "long" else 1.0
-            if name == "short" and short_track == "replaced" and step >= FROM + count:
-                identity = 7
-            if not (name == "short" and short_track in ("lost", "replaced") and away):
-                state = {"speed_mps": speed, "std_lon_m": 0.4, "std_lat_m": 0.4, "std_speed_mps": 0.5}
-                shifted = {**place, "lon_m": place["lon_m"] + off}
-                tracks.append({**when, "track_id": identity, **shifted, **state, "state": "confirmed"})
-    made = [pd.DataFrame(rows) for rows in (truth, detections, tracks)]
-    made[0]["lat_speed_mps"] = made[2]["lat_speed_mps"] = 0.0
-    return made
+    made, step = Scene(STEPS), np.arange(STEPS)
+    hidden_s = STEP_S * np.maximum(0, step - (FROM - 1))
+    for name, number, count, accel, off in (("long", 1, LONG, 1.0, 0.5), ("short", 2, SHORT, 0.0, 1.0)):
+        away = (step >= FROM) & (step < FROM + count)
+        lon, lat = 10.0 * STEP_S * step + 0.5 * accel * hidden_s**2, 30.0 * (number - 1)
+        made.vehicle(name, lon, lat, np.where(away, "hidden", "visible"), ~away, speed=10.0 + accel * hidden_s)
+        made.truth[-1]["pseudo_hidden_s"] = np.where(away, count * STEP_S, 0.0)
+        lost = replaced and name == "short"
+        at = step[~(away & lost)]
+        made.track(np.where(lost & (at >= FROM), 7, number), lon[at] + off, lat, at, std=0.4)
+    truth, detections, tracks = made.tables()
+    return truth.fillna({"pseudo_hidden_s": 0.0}), detections, tracks
 
 
 def test_error_and_yardstick_at_the_end_of_each_window():
@@ -72,7 +49,7 @@ def test_the_ellipse_contains_what_is_within_its_quantile():
 
 
 def test_a_lost_track_costs_ten_metres_and_no_error():
-    scores = score_run(*scene("replaced"), 0).metrics["pseudo_occlusion"]
+    scores = score_run(*scene(replaced=True), 0).metrics["pseudo_occlusion"]
     assert scores["1s"] | {"ellipse90_percent": None} == scores["1s"]
     assert scores["1s"]["error_m"] is None
     assert (scores["1s"]["followed_percent"], scores["1s"]["cost_m"]) == (0.0, 10.0)

@@ -5,27 +5,13 @@ import pytest
 
 from harness.trackers.stonesoup.stitching import IdentityStitcher, LastSightings, StitchingOptions
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
+from tests.mmpf import scenes
 
 
 def tracks_of(rows: list[tuple[int, float, float, float, int]]) -> Tracks:
     """Rows of (id, lon, lat, std_lon, state), all at 20 m/s."""
-    count = len(rows)
-    ids, lon_m, lat_m, std_lon_m, state = (
-        np.array(column) for column in (zip(*rows, strict=True) if rows else [[]] * 5)
-    )
-    return Tracks(
-        track_id=ids.astype(np.int64),
-        lon_m=lon_m.astype(float),
-        lat_m=lat_m.astype(float),
-        speed_mps=np.full(count, 20.0),
-        lat_speed_mps=np.zeros(count),
-        accel_mps2=np.zeros(count),
-        std_lon_m=std_lon_m.astype(float),
-        std_lat_m=np.full(count, 0.3),
-        std_speed_mps=np.full(count, 0.5),
-        existence=np.ones(count),
-        state=state.astype(np.int8),
-    )
+    number, lon, lat, std_lon, state = np.array(rows).reshape(-1, 5).T
+    return scenes.tracks_of(lon, lat, track_id=number, std_lon_m=std_lon, state=state, std_speed_mps=0.5)
 
 
 Row = tuple[int, float, float, float, int]
