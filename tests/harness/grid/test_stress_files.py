@@ -91,22 +91,14 @@ def test_the_summary_tells_the_grid_its_failures_and_its_curves(tmp_path, drawn)
     assert [(of[1:], title, path) for of, title, path in drawn] == [
         (("density",), "Stress test on us101", tmp_path / "out" / "figures" / "over_density.png")
     ]
-    assert [point.metric for point in drawn[0][0][0]] == [point.metric for point in finished.points]
-    assert (tmp_path / "out" / "summary.json").read_text().startswith('{\n  "grid": {\n    "net": "us101",\n')
-    assert (tmp_path / "out" / "grid.json").read_text() == json.dumps(REQUEST.as_table(), indent=2) + "\n"
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert [manifest[key] for key in ("status", "command", "seed", "steps")] == [
         "complete", "harness stress --seeds 2", 0, 8,
     ]  # fmt: skip
     assert ownership.kind_of(tmp_path / "out") == ownership.STRESS
     runs = pd.read_parquet(tmp_path / "out" / "runs.parquet")
-    assert list(runs) == [
-        "net", "density", "demand", "tracker", "variant", "model", "update", "seed", "succeeded", "error", "total_s",
-        "mot.hota", "occlusion.events", "occlusion.same_id",
-    ]  # fmt: skip
     assert runs["total_s"].tolist() == [2.5] * 3 + [1.5] + [2.5] * 4
     assert runs["error"].dropna().to_dict() == {3: "it broke"}
-    assert runs["density"].dtype == runs["mot.hota"].dtype == "float64"
 
 
 def stopped(out, after: int) -> None:
