@@ -7,10 +7,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from fcntl import F_DUPFD_CLOEXEC, fcntl
+from resource import RLIMIT_NOFILE, getrlimit
 from typing import TextIO
 
-LEAST_COPY = 64
-"""Copies of streams have descriptors from here on, beyond what code closes that closes the first few."""
+LEAST_COPY = min(4096, getrlimit(RLIMIT_NOFILE)[0]) // 2
+"""Copies of streams have descriptors from here on, beyond what code closes that closes the first few hundred."""
 
 
 def open_missing_streams() -> None:
