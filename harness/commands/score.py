@@ -14,7 +14,7 @@ from harness.config import options as shared
 from harness.config.options import Option
 from harness.report.folder_page import write_page
 from harness.report.summary import print_summary
-from harness.running.logged import Logs, score_logs
+from harness.running.logged import LEFT_OUT, Logs, score_logs
 
 
 class Options(Logs):
@@ -41,7 +41,8 @@ def command(options: Options) -> None:
     """
     as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
     folder, metrics, report = score_logs(options, out, force, shlex.join(["harness", *sys.argv[1:]]), write_page)
-    typer.echo(report, err=True)
+    if not quiet or LEFT_OUT in report:
+        typer.echo(report, err=True)
     if not quiet:
         print_summary(metrics, folder)
     if as_json:

@@ -47,7 +47,7 @@ from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
 NUMBERS = re.compile(r"_(m|s|mps|mps2|rad)$|^existence$")
-MOST_AT_ONCE = 2000
+MOST_AT_ONCE, LEFT_OUT = 2000, "left out"
 STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
@@ -357,4 +357,4 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
         if fault := fault_of(told):
             raise InputError(f"`tracks`: at {time_s:g} s it can't be scored: {fault}; mend the log")
     report = f"{len(placed)} rows of tracks at {len(tracks)} of {len(clock)} steps"
-    return tracks, report + (f"; left out: {left_out} at no time of the truth, or twice there" if left_out else "")
+    return tracks, report + (f"; {LEFT_OUT}: {left_out} at no time of the truth, or twice there" if left_out else "")
