@@ -222,7 +222,10 @@ INPUTS: dict[str, Input] = {
     "compare over a file [opt168]": Input(
         lambda folder: ["compare", *[str(scene(folder))] * 2, "--html", write_fcd(folder / "fc.xml").name], "--html"
     ),
+    "gap bias 1e308": option("drive --gap-bias 1e308", "--gap-bias"),
+    "gap bias -100": option("drive --gap-bias -100", "--gap-bias"),
     "provoke a crossing on a motorway": option("drive --provoke cross --net us101", "--provoke"),
+    "provoke a gap at a junction": option("drive --provoke gap --net junction", "--provoke"),
     "no models": option("study lane-keeping --models ,,", "--models"),
     "lane keeping at a junction": option("train --net junction --case lane-keeping", "junction"),
     "one setting varied and set": option("stress --vary sensor.range_m=80 --set sensor.range_m=40", "sensor.range_m"),
@@ -377,3 +380,8 @@ def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(nam
     assert INPUTS[name].word in told
     assert code == 0 or (told.count("\n") == 1 and len(told) < 1500)
     assert untouched(tmp_path) == before
+
+
+def test_all_91_of_the_first_attack_are_here():
+    # Eleven rows are of later attacks; nine of the 91 are rows of ``test_wrong_arguments``.
+    assert len(INPUTS) - 11 + 9 == 91

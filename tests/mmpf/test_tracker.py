@@ -11,7 +11,7 @@ from mmpf.motion.protocol import motion_models
 from mmpf.options.filter import FilterOptions
 from mmpf.scan import InvalidScanError, SensorModel
 from mmpf.tracker import MixtureTracker
-from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
+from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
 
 RULES = ["joint", "max_likelihood"]
@@ -69,6 +69,15 @@ def test_a_car_that_vanishes_in_plain_view_is_soon_doubted_and_dies_in_the_end()
     # Most of the sensor's runs of misses, of 0.8 s on average, are over by then.
     assert drive(tracker, 25, [], first_step=20).existence[0] < 0.5
     assert len(drive(tracker, 35, [], first_step=45)) == 0
+
+
+def test_clutter_is_not_confirmed() -> None:
+    tracker = tracker_with()
+    rng = np.random.default_rng(4)
+    for step in range(60):
+        ghost = [(rng.uniform(-90.0, 90.0), rng.uniform(0.0, 18.0))]
+        tracks = tracker.step(scan_of(0.1 * step, ghost))
+        assert (tracks.state == TENTATIVE).all()
 
 
 @pytest.mark.parametrize("update", RULES)

@@ -89,6 +89,17 @@ def test_a_catastrophe_is_worse_with_few_seeds_and_never_no_difference(seeds, tm
     assert "no difference" not in told
 
 
+def test_want_of_data_is_undecided_with_a_code_of_its_own_and_says_what_would_decide_it(tmp_path, capsys):
+    noise = np.random.default_rng(0).normal(0.0, 0.1, (2, 10))
+    a = grid_folder(tmp_path / "a", range(4), mot__hota=lambda seed: 90.0 + 20.0 * noise[0, seed])
+    b = grid_folder(tmp_path / "b", range(4), mot__hota=lambda seed: 89.0 + 20.0 * noise[1, seed])
+    assert run_command_line(["compare", a, b]) == exit_codes.UNDECIDED
+    told = " ".join(capsys.readouterr().err.split())
+    assert "Undecided" in told
+    assert "more seeds would decide it" in told
+    assert run_command_line(["compare", a, b, "--quiet", "--allow-undecided"]) == exit_codes.DONE
+
+
 def test_the_time_of_a_step_is_judged_as_a_ratio_within_one_stress_test_only(tmp_path):
     folder = grid_folder(tmp_path / "a")
     rows = pd.read_parquet(tmp_path / "a" / "runs.parquet")
@@ -187,6 +198,25 @@ def test_what_is_hopeless_is_undecided_and_never_passes(change, tmp_path, capsys
     told = capsys.readouterr()
     assert "No worse" not in told.err
     assert json.loads(told.out)["reasons"]
+
+
+def test_a_tracker_whose_runs_all_failed_does_not_vanish_unseen(tmp_path):
+    a = grid_folder(tmp_path / "a")
+
+    def both(table: pd.DataFrame) -> pd.DataFrame:
+        return pd.concat([table, table.assign(model="gmm")])
+
+    whole = edited(a, both)
+    shutil.move(whole, tmp_path / "whole")
+    whole = str(tmp_path / "whole")
+    lost = edited(whole, lambda table: table.assign(succeeded=table["model"] == "cvm"))
+    gone = str(shutil.move(edited(a, lambda table: table), tmp_path / "gone"))
+    assert run_command_line(["compare", whole, whole, "--quiet"]) == exit_codes.DONE
+    for b in (lost, gone):
+        comparison = compared(whole, b)
+        assert comparison.outcome == "undecided"
+        assert any("mmpf gmm" in reason for reason in comparison.reasons)
+    assert run_command_line(["compare", f"{whole}@mmpf cvm", gone, "--quiet"]) == exit_codes.DONE
 
 
 def test_an_older_baseline_without_a_metric_does_not_stop_the_others(tmp_path):

@@ -86,6 +86,14 @@ def test_the_interval_of_a_breaking_point_covers_what_the_seeds_say():
     assert 46 < broken.ci95[0] < 50 < broken.ci95[1] < 54
 
 
+def test_the_table_names_every_tracker_density_and_failure():
+    table = pd.DataFrame([rows(density, seed, 70) for density in (10, 20) for seed in range(3)])
+    text = as_markdown("Title", curve_points(table, ()), breaks(table), ["density 10, seed 3: it broke"])
+    assert "| mmpf cvm | 10 | 0.20" in text
+    assert "| mmpf cvm | 20 | 0.20" in text
+    assert "- density 10, seed 3: it broke" in text
+
+
 def test_the_ratio_to_coasting_is_that_of_all_errors_together_with_an_interval_over_seeds():
     def against(own: float, coasting: float, n: float) -> dict:
         key = "against_coasting.hidden"

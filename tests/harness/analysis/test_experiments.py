@@ -13,12 +13,12 @@ import harness
 from harness.analysis.compare import compare
 from harness.analysis.experiments import differing
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import UNDECIDED
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED, Limit, Rules
 from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError
 from harness.storage.manifest import hashes_of
-from tests.harness.analysis.test_compare import compared, grid_folder
+from tests.harness.analysis.test_compare import compared, grid_folder, wobbling
 
 MANIFEST = {"code_sha256": {"mmpf": "1a" * 32, "my_kf": "2b" * 32}, "inputs_sha256": {"model.npz": "3c" * 32}}
 
@@ -89,6 +89,24 @@ def test_pairs_that_did_not_see_the_same_are_refused_and_then_not_paired(tmp_pat
     assert any("whole arms are compared" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("spoilt", ["a", "b"])
+@pytest.mark.parametrize(
+    ("kept", "told"),
+    [
+        (lambda t: t[~((t["density"] == 40.0) & t["seed"].isin([2, 3, 4, 7]))], "density 40: seeds 2 to 4, 7"),
+        (lambda t: t[t["density"] == 20.0], "density 40: seeds 0 to 9"),
+    ],
+)
+def test_runs_that_one_side_lacks_are_listed_and_never_no_worse(kept, told, spoilt, tmp_path, capsys):
+    a, b = (grid_folder(tmp_path / name, densities=(20.0, 40.0)) for name in "ab")
+    assert run_command_line(["compare", a, b, "--quiet"]) == exit_codes.DONE
+    edited(str(tmp_path / spoilt), kept)
+    assert run_command_line(["compare", a, b]) == exit_codes.UNDECIDED
+    message = " ".join(capsys.readouterr().err.split())
+    assert f"{spoilt} lacks" in message
+    assert told in message
+
+
 @pytest.mark.parametrize(
     ("metric", "value"),
     [("mot.hota", 500.0), ("hidden.hidden_cost_m", -1.0), ("occlusion.same_id_percent", 300.0), ("mot.hota", True)],
@@ -120,6 +138,22 @@ def test_an_edited_table_of_runs_is_recognised_by_its_hash(tmp_path):
         (tmp_path / "b" / "manifest.json").write_bytes(content)
         with pytest.raises(InputError, match=r"manifest\.json is broken"):
             compared(a, b)
+
+
+def test_bounds_and_tolerances_of_single_metrics_are_kept(tmp_path):
+    a = grid_folder(tmp_path / "a", mot__hota=wobbling(80.0))
+    b = grid_folder(tmp_path / "b", mot__hota=lambda seed: 0.95 * wobbling(80.0)(seed))
+
+    def outcome(**limit: float) -> tuple[str, str]:
+        rules = Rules(primary=("mot.hota",), limits={"mot.hota": Limit(**limit)})
+        found = compare(open_source(a, "a"), open_source(b, "b"), rules)
+        return found.outcome, found.verdicts[0].breach
+
+    assert outcome(tolerance=0.1) == (NO_WORSE, "")
+    assert outcome(tolerance=0.1, floor=70.0) == (NO_WORSE, "")
+    word, breach = outcome(tolerance=0.1, floor=77.0)
+    assert (word, breach.endswith("is below the floor of 77")) == ("worse", True)
+    assert outcome(tolerance=0.1, ceiling=70.0)[0] == "worse"
 
 
 def test_an_interval_that_reaches_beyond_what_can_be_says_too_few_and_how_many_more(tmp_path):

@@ -19,12 +19,9 @@ from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from tests.harness.analysis.test_compare import grid_folder, wobbling
 from tests.harness.analysis.test_comparison_text import comparison, verdict
+from tests.harness.analysis.test_power import BASELINE, SCATTER
 
 NOISE = [-0.03, 0.02, 0.04, -0.05]
-BASELINE = Path(__file__).parents[3] / "results" / "reference" / "standard" / "runs.parquet"
-SCATTER = {"hidden.hidden_cost_m": 0.044, "mot.hota": 0.018, "occlusion.same_id_percent": 0.122}
-"""Standard deviations of the difference of two runs of `cvm` on the same detections, as shares of the value: runs with
-200 to 203 particles on the detections of seeds 0 to 3, 40 vehicles per km and lane, 30 s."""
 
 
 def gate(*words: object) -> int:
@@ -127,7 +124,7 @@ def test_a_planted_regression_is_called_worse_and_an_unchanged_tracker_is_not(pl
         drawn = rng.integers(0, 10, 10)
         rows = pd.concat([table[table["seed"] == seed].assign(seed=place) for place, seed in enumerate(drawn)])
         other = rows.copy()
-        for key, share in SCATTER.items():
+        for key, share in SCATTER["cvm"].items():
             factor = 1.0 + share * rng.standard_normal(len(rows))
             cost = key == "hidden.hidden_cost_m"
             other[key] = (rows[key] * factor * (planted if cost else 1.0)).clip(upper=None if cost else 100.0)

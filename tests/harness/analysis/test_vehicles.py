@@ -20,6 +20,7 @@ from harness.analysis.vehicles import (
     same_identity_by_vehicle,
     worst_tenth_by_vehicle,
 )
+from harness.analysis.why import failures
 from harness.scoring.gathered import Evidence, gather
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import score_metrics
@@ -146,6 +147,13 @@ def test_a_mean_over_no_rows_is_none_and_a_scale_is_of_the_mean_and_its_parts():
     assert percent.value == pytest.approx(200 / 3)
     np.testing.assert_allclose(percent.influence, [(100.0 - 2 * 200 / 3) / 3, (100.0 - 200 / 3) / 3])
     assert percent.others.tolist() == []
+
+
+def test_cars_whose_tracks_were_changed_or_lost_weigh_most_in_hota(evidence):
+    weights = np.abs(hota_by_vehicle(evidence, CARS).influence)
+    disturbed = sorted({int(each.vehicle_id) for each in failures(evidence)})
+    others = sorted(set(range(CARS)) - set(disturbed))
+    assert weights[disturbed].max() > weights[others].max()
 
 
 def test_a_run_without_tracks_has_no_part_of_hota_and_one_without_vehicles_no_hota(evidence):

@@ -12,6 +12,9 @@ from harness.analysis.verdicts import (
     BETTER,
     NO_WORSE,
     PRIMARY,
+    UNDECIDED,
+    UNTESTED,
+    WORSE,
     Rules,
     Verdict,
     compared_quantities,
@@ -50,6 +53,34 @@ def test_corrected_p_values_keep_their_order_and_never_shrink(values):
     assert (corrected >= p).all()
     assert (corrected <= 1.0).all()
     assert (np.diff(corrected[np.argsort(p, kind="stable")]) >= 0.0).all()
+
+
+WOBBLE = np.array([-0.2, 0.1, 0.3, -0.1, 0.2, -0.3, 0.15, -0.15])
+
+
+def test_differences_that_are_all_equal_pass_for_certain_only_where_there_are_many():
+    """A score of 100 % in every run does not show that it stays so; the other metric shows that runs differ."""
+    full = np.full(8, 100.0)
+    for seeds, word in ((3, UNDECIDED), (8, NO_WORSE)):
+        wobble = np.full(seeds, 10.0) + WOBBLE[:seeds]
+        score, _ = judged(arms(SCORE, full[:seeds], full[:seeds]), arms(ERROR, wobble, wobble[::-1].copy()))
+        assert score.verdict == word
+
+
+def test_a_score_that_falls_from_all_to_nothing_in_each_of_three_runs_is_worse():
+    full, wobble = np.full(3, 100.0), np.full(3, 10.0) + WOBBLE[:3]
+    score, _ = judged(arms(SCORE, full, np.zeros(3)), arms(ERROR, wobble, wobble[::-1].copy()))
+    assert score.verdict == WORSE
+
+
+def test_metrics_that_were_not_named_beforehand_are_described_and_cost_the_others_nothing():
+    a = np.full(8, 100.0)
+    many = [arms(Quantity(f"m{place}", "m"), a, a + 50.0 + WOBBLE) for place in range(40)]
+    alone, *_ = judged(arms(ERROR, a, a + 1.5 + WOBBLE))
+    first, *others = judged(arms(ERROR, a, a + 1.5 + WOBBLE), *many)
+    assert first == alone
+    assert {verdict.verdict for verdict in others} == {UNTESTED}
+    assert all(verdict.ci95[0] > 49.0 for verdict in others)
 
 
 def simulated(rng: np.random.Generator, seeds: int, planted: float = 1.0, within: float = 0.04) -> list[Arms]:

@@ -31,6 +31,12 @@ def download(tmp_path, monkeypatch):
     return tmp_path / "config.toml"
 
 
+def test_a_module_of_the_working_folder_that_only_the_file_names_is_refused_and_not_imported(download):
+    with pytest.raises(InputError, match=rf"{MODULE}:factory.*`tracker`"):
+        resolve_run_config(download)
+    assert MODULE not in sys.modules
+
+
 def text_keys():
     """Return every setting that a text may be given for, those in open tables too."""
     named = {key for key, field in fields_of(RunConfig) if "str" in str(field.annotation)}

@@ -7,9 +7,12 @@ import os
 import pandas as pd
 import pytest
 
+from harness.analysis.coasting_ratio import with_ratios
 from harness.common.errors import InputError
-from harness.grid.cells import assemble
+from harness.config.model import RunConfig
+from harness.grid.cells import assemble, command_of
 from harness.grid.grid import GridRequest, plan_grid
+from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
 from harness.storage.grid_folder import check_same_grid, open_grid_folder
 from harness.storage.grid_rows import flattened, read_rows, write_row
@@ -59,6 +62,20 @@ def test_the_table_of_a_grid_has_its_columns_in_a_fixed_order_and_of_fixed_types
     assert table["error"].tolist() == [None, "it broke", None, None]
     assert table["drive.ended"].tolist() == [None, "late", None, None]
     assert table["demand"].tolist() == [None] * 4
+
+
+def test_a_ratio_to_coasting_is_weighed_by_coastings_summed_error():
+    keys = ("hidden", "by_seconds_hidden.2")
+    runs = pd.DataFrame({
+        f"against_coasting.{key}.{name}": [value + place]
+        for place, key in enumerate(keys) for name, value in (("lon_m", 1.0), ("coasting_lon_m", 4.0), ("n", 10.0))
+    })  # fmt: skip
+    told = with_ratios(runs).iloc[0]
+    assert [told[f"against_coasting.{key}.ratio"] for key in keys] == [0.25, 0.4]
+    assert [told[f"against_coasting.{key}.coasting_total_m"] for key in keys] == [40.0, 55.0]
+    assert list(with_ratios(runs)) == [*runs, *(
+        f"against_coasting.{key}.{name}" for key in keys for name in ("ratio", "coasting_total_m")
+    )]  # fmt: skip
 
 
 def test_a_folder_is_taken_once_and_left_as_a_grids(tmp_path):
@@ -130,3 +147,21 @@ def test_a_grid_must_cover_what_its_folder_holds(tmp_path):
     assert str(caught.value) == f"`out`: runs in {table} have no files in {rows} any more; choose another folder"
     table.write_text("broken")
     check_same_grid(tmp_path, rows, set("abcd"))
+
+
+def test_the_command_of_a_run_says_what_is_not_a_default_and_always_its_traffic_and_seed():
+    replayed = {"tracker": {"name": "mmpf", "model": "cvm", "particles": 7}, "replay": "x/y.csv"}
+    content = {
+        "seed": 3,
+        "traffic": {"net": "a b", "density": 20.0, "duration_s": 9.5},
+        "sensor": {"profile": "radar", "overrides": {"range_m": 40, "name_of": "some_word", "odd": "a-b", "no": "nan"}},
+        "tracker": {"name": "pmbm", "options": {"x": {"y": [1, 2]}, "truth": True, "word": "true"}},
+    }
+    assert [command_of(with_usual_traffic(RunConfig.model_validate(each))) for each in ({}, replayed, content)] == [
+        "python -m harness run --seed 0 --demand us101-0805",
+        "python -m harness run --seed 0 --replay x/y.csv --demand us101-0805 --model cvm --particles 7",
+        "python -m harness run --seed 3 --net 'a b' --density 20.0 --duration 9.5 --sensor radar --set "
+        "sensor.overrides.range_m=40 --set sensor.overrides.name_of=some_word --set "
+        "'sensor.overrides.odd=\"a-b\"' --set 'sensor.overrides.no=\"nan\"' --tracker pmbm --set "
+        "'tracker.options.x.y=[1, 2]' --set tracker.options.truth=true --set 'tracker.options.word=\"true\"'",
+    ]

@@ -10,6 +10,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.scoring.driving.asked import _times
 from harness.scoring.driving.encroachment import TimedPath, _encounter, _first_crossing, _pieces
+from harness.scoring.evidence.assignment import best_assignment, components
 from harness.scoring.evidence.directions import nearest_row
 from harness.scoring.evidence.events import _track_ids, row_after
 from harness.scoring.evidence.history import last_row_where
@@ -17,11 +18,12 @@ from harness.scoring.evidence.stretches import stretches
 from harness.scoring.metrics.clear import ClearScores
 from harness.scoring.metrics.closedloop import BY_COLLISION, IN_TIME, Contact, DriveRecord, score_drive
 from harness.scoring.metrics.conflicts import ConflictPart, conflicts
+from harness.scoring.metrics.coverage import NoisePart, detection_noise
 from harness.scoring.metrics.hidden_by import cause_between
 from harness.scoring.metrics.manoeuvre import heading_rate, manoeuvre_between
 from harness.scoring.metrics.parts import combined
 from harness.scoring.metrics.scarce import check_scored
-from harness.scoring.metrics.unseen_turns import _way, distance_to_line
+from harness.scoring.metrics.unseen_turns import TurnsPart, _way, distance_to_line, scores_of_turns
 
 NAN = float("nan")
 
@@ -47,6 +49,23 @@ def test_parts_of_clear_add_up():
     assert whole == ClearScores(8, 5, 2, 3, 4)
     assert whole.mota == (8 - 2 - 3) / 13
     assert [ClearScores(0, *rest, 0, 0).mota for rest in ((3, 0), (0, 3), (3, 1))] == [0.0, 0.0, -1 / 3]
+
+
+def test_parts_of_the_detections_noise_add_up():
+    assert detection_noise([NoisePart(3.0, 1.0, 4), NoisePart(1.0, 0.5, 1)], None) == {
+        "lon_m": 0.8,
+        "lat_m": 0.3,
+        "n": 5,
+    }
+    nothing = detection_noise([NoisePart(0.0, 0.0, 0)], None)
+    assert (np.isnan(nothing["lon_m"]), np.isnan(nothing["lat_m"]), nothing["n"]) == (True, True, 0)
+
+
+def test_parts_of_unseen_turns_add_up():
+    parts = [TurnsPart(3, 2, 1), None, TurnsPart(1, 1, 1)]
+    assert scores_of_turns(parts, None) == {"right_route_percent": 75.0, "foreseen_percent": 50.0, "events": 4}
+    assert scores_of_turns([None], None) == {}
+    assert np.isnan([*scores_of_turns([TurnsPart(0, 0, 0)], None).values()][:2]).all()
 
 
 def test_conflicts_are_counted_below_and_above_their_limits_not_at_them():
@@ -247,6 +266,15 @@ def test_the_nearest_vehicle_to_a_detection_is_one_of_its_own_step():
     )  # fmt: skip
     assert found.tolist() == [2, 3]
     assert nearest_row(*[np.zeros(0)] * 6).tolist() == []
+
+
+def test_pairs_that_share_an_item_are_one_component_and_the_best_pairs_of_each_are_chosen():
+    left, right = np.array([7, 7, 3, 9, 3]), np.array([0, 4, 4, 2, 8])
+    label = components(left, right)
+    assert len({label[0], label[1], label[2], label[4]}) == 1
+    assert label[3] != label[0]
+    assert np.flatnonzero(best_assignment(left, right, np.array([1.0, 5.0, 3.0, 0.1, 2.0]))).tolist() == [1, 3, 4]
+    assert np.flatnonzero(best_assignment(left, right, np.array([3.0, 4.0, 5.0, 0.1, 2.0]))).tolist() == [0, 2, 3]
 
 
 def test_tracks_are_told_by_the_trackers_own_numbers_and_none_by_minus_one():

@@ -118,6 +118,14 @@ def test_a_partly_hidden_car_is_in_the_partial_state_and_rarer_and_noisier():
     assert np.std(errors) / alone == pytest.approx(1 + 2 * (0.7 - fraction) / 0.55, rel=4 / np.sqrt(2 * hits))
 
 
+def test_hidden_vehicles_never_give_a_detection():
+    frame = frame_of((12, 0), (30, 0.1), (60, 0), (-15, 0), (-40, 0.2), (9, 3.66), (40, 12))
+    for seen in looks(frame, 120, hidden_fraction=0.3):
+        hidden = frame.vehicle_id[seen.visible_fraction < 0.3]
+        assert len(hidden) >= 3
+        assert not set(seen.truth_id) & set(hidden)
+
+
 def test_beyond_the_range_nothing_is_detected_but_a_truck_that_reaches_in_still_hides():
     frame = frame_of((101, 0), (98.9, 3.66), (99.5, 0.3))
     frame = replace(frame, length_m=np.array([4.7, 16.0, 4.7, 1.0]))

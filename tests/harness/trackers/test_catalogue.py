@@ -121,6 +121,15 @@ def test_a_model_can_come_from_a_file_of_ones_own(model: str, file: str):
     build_tracker("mmpf", setting(), {"model": model, "model_file": str(committed_model(file))})
 
 
+def test_a_damaged_model_file_is_refused_in_one_line_that_names_it(tmp_path: Path):
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(committed_model("lane_keeping.npz").read_bytes()[:-200])
+    for file in (damaged, tmp_path / "none.npz", committed_model("lane_keeping_short.npz")):
+        with pytest.raises(ValueError, match=file.name) as refusal:
+            build_tracker("mmpf", setting(), {"model": "gmm", "model_file": str(file)})
+        assert "\n" not in str(refusal.value)
+
+
 def test_a_model_file_for_a_model_without_one_is_refused():
     with pytest.raises(ValueError, match=r"model_file.*'cvm'.*gmm"):
         build_tracker("mmpf", setting(), {"model": "cvm", "model_file": "some.npz"})

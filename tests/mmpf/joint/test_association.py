@@ -13,6 +13,11 @@ from mmpf.numerics.arrays import FloatArray
 BIRTH = 0.3
 
 
+def enumerated_probability(evidence: FloatArray, missed: FloatArray) -> FloatArray:
+    """Exact association marginals: every way to give each component one detection or none, none shared."""
+    return enumerated(evidence, missed)[0]
+
+
 def enumerated(evidence: FloatArray, missed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The exact marginals, and the probability that no component gave the detection, shape (d,)."""
     components, detections = evidence.shape
@@ -34,15 +39,23 @@ def enumerated(evidence: FloatArray, missed: FloatArray) -> tuple[FloatArray, Fl
     return probability / total, unexplained / total
 
 
+def test_two_components_and_two_detections_are_shared_out_as_by_enumeration() -> None:
+    evidence = np.array([[30.0, 2.0], [1.5, 20.0]])
+    missed = np.array([0.4, 0.5])
+    assert associate(evidence, missed, BIRTH).probability == pytest.approx(
+        enumerated_probability(evidence, missed), abs=0.02
+    )
+
+
 def test_belief_propagation_stays_close_to_enumeration() -> None:
     worst = []
     for seed in range(300):
         rng = np.random.default_rng(seed)
-        evidence, missed = np.exp(rng.normal(-1.0, 2.0, (3, 3))), rng.uniform(0.2, 1.0, 3)
-        found, expected = associate(evidence, missed, BIRTH), enumerated(evidence, missed)
-        both = zip((found.probability, found.unexplained), expected, strict=True)
-        worst.append([np.abs(values - exact).max() for values, exact in both])
-    assert (np.median(worst, axis=0) < 0.01).all()
+        evidence = np.exp(rng.normal(-1.0, 2.0, (3, 3)))
+        missed = rng.uniform(0.2, 1.0, 3)
+        difference = associate(evidence, missed, BIRTH).probability - enumerated_probability(evidence, missed)
+        worst.append(np.abs(difference).max())
+    assert np.median(worst) < 0.01
     assert np.max(worst) < 0.25
 
 
@@ -64,6 +77,14 @@ def test_the_order_of_components_and_detections_does_not_matter(seed: int) -> No
     rows, columns = rng.permutation(4), rng.permutation(5)
     shuffled = associate(np.ascontiguousarray(evidence[rows][:, columns]), missed[rows], BIRTH)
     assert shuffled.probability == pytest.approx(associate(evidence, missed, BIRTH).probability[rows][:, columns])
+
+
+def test_a_detection_between_two_components_is_shared_unless_sharing_is_allowed() -> None:
+    evidence, missed = np.full((2, 1), 100.0), np.full(2, 0.5)
+    exclusive = associate(evidence, missed, BIRTH, exclusive=True).probability
+    shared = associate(evidence, missed, BIRTH, exclusive=False).probability
+    assert exclusive.sum() <= 1.0 + 1e-9
+    assert shared.sum() > 1.9
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 2), (1, 6), (2, 1), (5, 1)])
@@ -89,6 +110,17 @@ def test_a_row_of_vehicles_that_share_each_detection_with_the_next_is_settled_ex
     marginals = associate(evidence, missed, BIRTH)
     assert marginals.probability == pytest.approx(probability, rel=1e-6)
     assert marginals.unexplained == pytest.approx(unexplained, rel=1e-6)
+
+
+def test_what_no_component_explains_stays_close_to_enumeration_on_graphs_with_loops() -> None:
+    worst = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        evidence, missed = np.exp(rng.normal(-1.0, 2.0, (3, 3))), rng.uniform(0.2, 1.0, 3)
+        difference = associate(evidence, missed, BIRTH).unexplained - enumerated(evidence, missed)[1]
+        worst.append(np.abs(difference).max())
+    assert np.median(worst) < 0.01
+    assert np.max(worst) < 0.25
 
 
 @given(seed=st.integers(0, 10_000), birth=st.floats(0.01, 2.0))

@@ -102,6 +102,43 @@ def test_who_is_detected_at_a_rate_for_long_has_the_odds_of_those_that_are_detec
     assert log_odds(after) == pytest.approx(np.log(of_level[VEHICLE] / of_level[FALSE].sum()), abs=0.1)
 
 
+@given(posteriors, st.lists(st.booleans(), max_size=20), st.floats(0.02, 0.95))
+def test_scans_in_which_nothing_can_be_detected_say_nothing(
+    prior: FloatArray, hits: list[bool], in_shadow: float
+) -> None:
+    assert after_scans(prior, hits, in_shadow, run=1.0) == pytest.approx(prior)
+
+
+@given(st.integers(1, 30))
+def test_misses_in_a_shadow_say_little_of_the_source_and_in_plain_view_they_say_much(misses: int) -> None:
+    known = np.zeros((1, *SHAPE))
+    known[:, VEHICLE, 0] = 0.5 / LEVELS
+    known[:, FALSE, 0] = 0.25 * shares_of([1.0] + (LEVELS - 1) * [1e-9])
+    in_view, in_shadow = (weighed(known, sighting(0.0, each)) for each in (IN_VIEW, 0.02))
+    moved = [abs(log_odds(normalised(each)) - log_odds(known)) for each in (in_view, in_shadow)]
+    assert moved[0] > 0.5
+    assert moved[1] < 0.05
+    longer = after_scans(known, [False] * misses, in_shadow=0.02)
+    assert abs(log_odds(longer)) <= misses * 0.02
+
+
+def test_one_detected_scan_after_scan_deep_in_a_shadow_is_seen_past_it() -> None:
+    after = after_scans(equal_prior(), [True] * 20, in_shadow=0.02)
+    assert after[:, :, SHADING == 0.0].sum() > 0.9
+
+
+def test_one_missed_scan_after_scan_in_a_shadow_lies_in_it_or_can_hardly_be_detected() -> None:
+    after = after_scans(equal_prior(), [False] * 40, in_shadow=0.02)
+    seen_past = after[:, :, SHADING == 0.0, DETECTABILITY >= 0.5].sum()
+    assert seen_past < 1e-3
+
+
+def test_in_plain_view_nothing_is_learned_of_shadows() -> None:
+    prior = equal_prior()
+    after = after_scans(prior, [True, False, True, True])
+    assert after.sum(axis=(1, 3)) == pytest.approx(prior.sum(axis=(1, 3)))
+
+
 @given(st.floats(0.0, 1.2), st.floats(0.0, 1.0), shares)
 def test_detection_probabilities_grow_with_the_level_and_with_what_is_seen_past_shadows(
     in_shadow: float, in_view: float, run: float

@@ -102,6 +102,19 @@ def test_the_first_scans_prior_is_that_of_places_that_nobody_had_been_looking_at
     assert share_of(first) > KINDS.confirm_above
 
 
+def test_with_no_false_object_for_long_what_appears_in_plain_view_is_a_vehicle() -> None:
+    assert share_of(born(1.0, learned=counted(0.0, 1e4))) > 1.0 - newborn.LEAST_PRIOR - 0.03
+
+
+@given(shares, st.floats(0.0, 100.0), st.floats(0.0, 100.0))
+def test_the_more_false_objects_were_found_the_fewer_of_the_new_are_vehicles(
+    in_view: float, first: float, second: float
+) -> None:
+    fewer, more = sorted([first, second])
+    priors = [share_of(born(in_view, learned=counted(number, 60.0))) for number in (fewer, more)]
+    assert priors[0] >= priors[1] - 1e-9
+
+
 @given(shares, shares)
 def test_the_better_a_vehicle_would_have_been_known_before_the_less_is_a_new_one_that(
     first: float, second: float

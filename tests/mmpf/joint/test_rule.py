@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -111,6 +112,50 @@ def test_one_detection_raises_existence_as_much_as_its_three_explanations_say(aw
     assert after.mixture.components.existence == pytest.approx([min((its_own + exists_unseen) / total, LARGEST)])
     assert after.birth_claim == pytest.approx([(exists_unseen + exists_not) / total])
     assert after.was_hit.tolist() == [its_own / total > 0.5]
+
+
+def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> None:
+    places = [PLACE, (PLACE[0] + 1.5, PLACE[1])]
+    detections = [(PLACE[0] + 1.6, PLACE[1]), (PLACE[0] - 2.4, PLACE[1])]
+    states = [cloud_at(place, seed) for seed, place in enumerate(places)]
+    detected, existence = np.full(2 * PARTICLES, 0.8), np.array([0.5, 0.4])
+    after = updated(
+        rule_with(existence=IMMORTAL, association=ALONE | {"gate_std": 50.0}),
+        belief_of(states, existence=existence.tolist()),
+        detected,
+        detections,
+    )
+    mass, exists = 0.0, np.zeros(2)
+    for choice in product(("nothing", "unseen", 0, 1), repeat=2):
+        used = [word for word in choice if isinstance(word, int)]
+        if len(set(used)) < len(used):
+            continue
+        weight = (1.0 + BIRTH) ** (2 - len(used))
+        for m, word in enumerate(choice):
+            if word == "nothing":
+                weight *= 1.0 - existence[m]
+            elif word == "unseen":
+                weight *= existence[m] * 0.2
+            else:
+                density = likelihood(states[m], detections[word]).mean()
+                weight *= existence[m] * 0.8 * density / CLUTTER_DENSITY
+        mass += weight
+        exists += weight * np.array([word != "nothing" for word in choice])
+    assert after.mixture.components.existence == pytest.approx(np.minimum(exists / mass, LARGEST), abs=0.02)
+
+
+def test_no_detection_however_clear_makes_a_component_certain() -> None:
+    prior = belief_of([cloud_at(PLACE)], existence=[LARGEST])
+    after = updated(rule_with(), prior, np.full(PARTICLES, 0.95), [PLACE])
+    assert after.mixture.components.existence == pytest.approx([LARGEST], abs=1e-12)
+
+
+def test_a_few_misses_in_a_shadow_leave_who_was_long_known_as_probable_as_before() -> None:
+    known = rule_with().joint.existence.largest
+    for _ in range(5):
+        prior = belief_of([cloud_at(PLACE)], existence=[known])
+        known = float(updated(rule_with(), prior, np.full(PARTICLES, 0.3), []).mixture.components.existence[0])
+    assert known > 0.95
 
 
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.3, 1.0])

@@ -65,11 +65,16 @@ def test_every_car_is_where_the_scene_has_it(name, tmp_path):
             assert found == pytest.approx((wanted_lon, wanted_lat), abs=1e-5)
             assert frame.speed_mps[row] == pytest.approx(car.speed_mps, abs=1e-5)
             assert frame.lat_speed_mps[row] == pytest.approx(0.0, abs=1e-4)
-            # The files state absurd ones beside constant speeds.
-            assert frame.accel_mps2[row] == pytest.approx(0.0, abs=1e-3)
             assert frame.heading_rad[row] == pytest.approx(0.0, abs=1e-3)
             assert frame.length_m[row] == pytest.approx(car.length_m, abs=1e-5)
             assert frame.width_m[row] == pytest.approx(car.width_m, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_recorded_accelerations_are_not_believed(name, tmp_path):
+    """The files state absurd ones beside constant speeds."""
+    for frame in opened(WRITERS[name](tmp_path)).frames():
+        np.testing.assert_allclose(frame.accel_mps2, 0.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", WRITERS)
