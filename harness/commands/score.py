@@ -14,7 +14,7 @@ from harness.config import options as shared
 from harness.config.options import Option
 from harness.report.folder_page import write_page
 from harness.report.summary import print_summary
-from harness.running.logged import LEFT_OUT, Logs, score_logs
+from harness.running.logged import Logs, score_logs
 
 
 class Options(Logs):
@@ -40,8 +40,9 @@ def command(options: Options) -> None:
       python -m harness score --truth truth.parquet --tracks log.mcap:/tracks
     """
     as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
-    folder, metrics, report = score_logs(options, out, force, shlex.join(["harness", *sys.argv[1:]]), write_page)
-    if not quiet or LEFT_OUT in report:
+    command_line = shlex.join(["harness", *sys.argv[1:]])
+    folder, metrics, report, left_out = score_logs(options, out, force, command_line, write_page)
+    if left_out or not quiet:
         typer.echo(report, err=True)
     if not quiet:
         print_summary(metrics, folder)

@@ -47,7 +47,7 @@ from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
 NUMBERS = re.compile(r"_(m|s|mps|mps2|rad)$|^existence$")
-MOST_AT_ONCE, LEFT_OUT = 2000, "left out"
+MOST_AT_ONCE = 2000
 STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
@@ -106,12 +106,15 @@ class LoggedTracker:
 
 def score_logs(
     logs: Logs, out: Path | None, force: bool, command: str, draw: Callable[[Path], object] = str
-) -> tuple[Path, dict[str, Any], str]:
+) -> tuple[Path, dict[str, Any], str, int]:
     """Score a log and leave a run's folder, or nothing.
 
     Args:
         out: The folder to write; None for a name in ``results/``.
         draw: Draws a folder's page.
+
+    Returns:
+        The folder, the metrics, what was scored in words, and the number of rows of tracks that were left out.
 
     Raises:
         InputError: A file is missing, of no known format, broken, or the files do not belong together.
@@ -120,7 +123,7 @@ def score_logs(
     name = logs["name"] or logs["tracks"].name.partition(".")[0]
     against = _of_run(logs, name) if runfolder.is_run_folder(logs["truth"]) else _of_files(logs, name)
     rows = _rows(_log(logs, TRACKS, logs["tracks"]))
-    tracks, report = _tracks_at(rows, against)
+    tracks, report, left_out = _tracks_at(rows, against)
     config, snapshots = against.config.tracked_by(_hand_out(tracks)), against.snapshots
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     try:
@@ -140,7 +143,7 @@ def score_logs(
         with trusted():
             draw(pending.path)
         with signals_held(forgotten=True):
-            return pending.finish(), metrics, report
+            return pending.finish(), metrics, report, left_out
     except BaseException:
         pending.discard()
         raise
@@ -320,8 +323,8 @@ def _with_ego(rows: pd.DataFrame, ego: pd.DataFrame | None, logs: Logs) -> pd.Da
     return joined.merge(joined.loc[joined["is_ego"].astype(bool), KEYS], on=KEYS)
 
 
-def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks], str]:
-    """Return the tracks of each time, and what was left out."""
+def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks], str, int]:
+    """Return the tracks of each time, how many there are in words, and the number of rows that were left out."""
     clock = against.clock
     rows = _with_times(rows, against.moments)
     placed = on_clock(rows, clock)
@@ -356,5 +359,5 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
         told = tracks[float(time_s)] = Tracks(**{name: values[own] for name, values in columns.items()})
         if fault := fault_of(told):
             raise InputError(f"`tracks`: at {time_s:g} s it can't be scored: {fault}; mend the log")
-    report = f"{len(placed)} rows of tracks at {len(tracks)} of {len(clock)} steps"
-    return tracks, report + (f"; {LEFT_OUT}: {left_out} at no time of the truth, or twice there" if left_out else "")
+    beside = f"; left out: {left_out} at no time of the truth, or twice there" if left_out else ""
+    return tracks, f"{len(placed)} rows of tracks at {len(tracks)} of {len(clock)} steps{beside}", left_out
