@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,20 +25,21 @@ def write_card(
     path: Path,
     title: str,
     facts: Mapping[str, str],
-    regimes: Sequence[Sequence[str]],
+    regimes: Sequence[RegimeError],
     limits: Sequence[str],
 ) -> None:
     """Write a model card.
 
     Args:
-        regimes: Rows of ``errors_by_regime``; may be empty.
+        regimes: Closed-loop errors by regime; may be empty.
         limits: Known limits, one sentence each.
     """
     lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]
     if regimes:
         heads = ["regime", "cases", *(f"{horizon:g} s" for horizon in HORIZONS_S)]
+        rows = [[entry.regime, str(entry.cases), *(f"{error:.2f}" for error in entry.lon_m)] for entry in regimes]
         lines += ["## Position error by regime, complete occlusion, held-out seeds, m", ""]
-        lines += [*markdown_table(heads, regimes), ""]
+        lines += [*markdown_table(heads, rows), ""]
     lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
     write_text(path, "\n".join(lines))
 
@@ -46,21 +48,24 @@ STOP_AND_GO_BELOW_MPS = 3.0
 CASES, PARTICLES = 150, 100
 
 
-def errors_by_regime(model: MotionModel, windows: CarFollowing, step_s: float, seed: int) -> list[list[str]]:
-    """Return a row for each regime: its name, how many cases there are, and the position errors under full occlusion.
+@dataclass(frozen=True)
+class RegimeError:
+    """Position errors of one traffic regime, complete occlusion: mean absolute ones at 1, 2, 5 and 10 s.
 
-    Errors are mean absolute ones after 1, 2, 5 and 10 s, in metres; nan without a case.
+    Attributes:
+        regime: Name of the regime.
+        cases: Number of windows.
+        lon_m: Mean absolute error at 1, 2, 5 and 10 s.
     """
-    steps, rows = [round(horizon / step_s) - 1 for horizon in HORIZONS_S], []
-    for regime, chosen in regimes_of(windows).items():
-        count, errors = 0, [float("nan")] * len(steps)
-        if chosen.any():
-            rng = np.random.default_rng(seed)
-            cases = following_cases(taken(windows, chosen), CASES, step_s, rng, led_only=False)
-            error_m = score(follow(model, cases, PARTICLES, np.random.default_rng(seed)), cases).abs_error["lon_m"]
-            count, errors = cases.count, [float(error_m[step].mean()) for step in steps]
-        rows.append([regime, str(count), *(f"{error:.2f}" for error in errors)])
-    return rows
+
+    regime: str
+    cases: int
+    lon_m: tuple[float, ...]
+
+
+def errors_by_regime(model: MotionModel, windows: CarFollowing, step_s: float, seed: int) -> list[RegimeError]:
+    """Return the closed-loop errors in free driving, following, stop-and-go and after a cut-in."""
+    return [_errors(model, name, taken(windows, chosen), step_s, seed) for name, chosen in regimes_of(windows).items()]
 
 
 def regimes_of(windows: CarFollowing) -> dict[str, BoolArray]:
@@ -73,3 +78,12 @@ def regimes_of(windows: CarFollowing) -> dict[str, BoolArray]:
         "stop-and-go": stop_and_go,
         "cut-in": led & windows.after_cut_in,
     }
+
+
+def _errors(model: MotionModel, regime: str, windows: CarFollowing, step_s: float, seed: int) -> RegimeError:
+    if not len(windows):
+        return RegimeError(regime, 0, (float("nan"),) * len(HORIZONS_S))
+    cases = following_cases(windows, CASES, step_s, np.random.default_rng(seed), led_only=False)
+    scores = score(follow(model, cases, PARTICLES, np.random.default_rng(seed)), cases)
+    steps = [round(horizon / step_s) - 1 for horizon in HORIZONS_S]
+    return RegimeError(regime, cases.count, tuple(float(scores.abs_error["lon_m"][step].mean()) for step in steps))
