@@ -11,7 +11,7 @@ from resource import RLIMIT_NOFILE, getrlimit
 from typing import TextIO
 
 LEAST_COPY = min(4096, getrlimit(RLIMIT_NOFILE)[0]) // 2
-"""Copies of streams have descriptors from here on, beyond what code closes that closes the first few hundred."""
+"""Copies of streams have descriptors from here on, so that code that closes the first few hundred leaves them open."""
 
 
 def open_missing_streams() -> None:

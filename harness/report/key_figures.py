@@ -45,13 +45,11 @@ class KeyFigure:
 
 def key_table(figures: Sequence[KeyFigure]) -> Markup:
     """Return the table of the figures."""
-    return html_table(
-        HEADINGS,
-        [
-            [each.name + below(each.note), each.value + below(each.interval, each.detail), each.perfect, each.reference]
-            for each in figures
-        ],
-    )
+    rows = [
+        [each.name + below(each.note), each.value + below(each.interval, each.detail), each.perfect, each.reference]
+        for each in figures
+    ]
+    return html_table(HEADINGS, rows)
 
 
 def key_figures(run: RecordedRun) -> list[KeyFigure]:
