@@ -136,7 +136,7 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
 
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
     title = "Tracks against truth (missed: no track on a vehicle; false: no vehicle at a track)"
-    table = _table(title, "score", "in sight", "seen in last 10 s")
+    table = _table(title, "score", "in sight", "detected in last 10 s")
     for column in mot_columns():
         if column.key not in BESIDE:
             table.add_row(column.heading, *(mot_value(metrics, vehicles, column) for vehicles in ("mot", "mot_all")))
