@@ -6,6 +6,10 @@ continue, and new seeds or trackers add only their own runs, unless the sources 
     python .ci/reference.py
     python .ci/reference.py trackers --workers 2
     python .ci/reference.py small --check
+    python .ci/reference.py trackers --confirm
+
+A change of code that changes no result needs no new table: `--confirm` makes some of its runs again. If every value is
+the same, the table's manifest gets the code's present hashes, and how many runs show it.
 """
 
 from __future__ import annotations
@@ -15,7 +19,6 @@ import difflib
 import hashlib
 import importlib
 import json
-import math
 import os
 import platform
 import shlex
@@ -24,13 +27,13 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import typer
+from reference_differences import TABLE, Difference, differences, row_differences
 
 from harness.commands.from_options import typer_command, with_values
 from harness.common.errors import InputError
@@ -46,7 +49,7 @@ ROOT = Path(__file__).parents[1]
 
 FOLDER = Path("results") / "reference"
 TABLES = FOLDER / "tables.toml"
-KEYS = {"about", "command", "files"}
+KEYS = {"about", "command", "files", "some"}
 
 
 @dataclass(frozen=True)
@@ -58,12 +61,14 @@ class Reference:
         about: What it is for.
         words: The command that makes it, as words.
         files: Names of what is kept of it; empty keeps all tables, numbers and pictures.
+        some: Words that, added to the command, let it make some of the runs; empty makes all.
     """
 
     name: str
     about: str
     words: tuple[str, ...]
     files: tuple[str, ...] = ()
+    some: tuple[str, ...] = ()
 
     @property
     def command(self) -> str:
@@ -104,11 +109,17 @@ def reference_named(name: str, root: Path) -> Reference:
 
 def _reference(name: str, entry: object, path: Path) -> Reference:
     if not isinstance(entry, Mapping) or not entry.keys() <= KEYS or not {"about", "command"} <= entry.keys():
-        raise InputError(f"{path}: [{name}] needs about and command, and may have files; nothing else")
+        raise InputError(f"{path}: [{name}] needs about and command, and may have files and some; nothing else")
     words = tuple(shlex.split(str(entry["command"])))
     if not words or any(word in ("--out", "--resume", "--quiet") for word in words):
         raise InputError(f"{path}: [{name}]: give a command without --out, --resume and --quiet; they are added")
-    return Reference(name, str(entry["about"]), words, tuple(map(str, entry.get("files", ()))))
+    return Reference(
+        name,
+        str(entry["about"]),
+        words,
+        tuple(map(str, entry.get("files", ()))),
+        tuple(shlex.split(str(entry.get("some", "")))),
+    )
 
 
 SOURCES = ("mmpf", "harness", "networks", "constraints.txt")
@@ -149,68 +160,6 @@ def _git(folder: Path, *words: str) -> str | None:
     return answer.stdout if answer.returncode == 0 else None
 
 
-TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
-LATER = (", decisions.", ", conflicts.")
-"""Columns of metrics that came after most references were made."""
-TABLE, NUMBERS = "runs.parquet", ("results.json", "fidelity.json")
-MOST_TOLD = 5
-WORLD = (
-    "net",
-    "density",
-    "seed",
-    "succeeded",
-    "traffic.",
-    "detection_noise.",
-    "occlusion.events",
-    "mot.truth_n",
-    "hidden.n",
-)
-"""Columns that traffic and detections alone decide, which are the same on every processor."""
-
-
-@dataclass(frozen=True)
-class Difference:
-    """One value that differs.
-
-    Attributes:
-        place: Where it stands.
-        committed: What is committed.
-        remade: What it is now.
-    """
-
-    place: str
-    committed: object
-    remade: object
-
-    def __str__(self) -> str:
-        return f"{self.place}: committed {self.committed}, remade {self.remade}"
-
-
-def differences(committed: Path, remade: Path, world_only: bool = False) -> list[Difference]:
-    """Return every value that differs between two folders of one reference.
-
-    Metrics of later making are no difference: the committed one knows nothing of them.
-
-    Args:
-        committed: Folder of the first.
-        remade: Folder of the second.
-        world_only: Whether only what traffic and detections decide is held together: on another kind of processor
-            tracks and scores differ by what rounding grows to.
-
-    Raises:
-        InputError: The committed one has no table.
-    """
-    names = [name for name in (TABLE, *NUMBERS) if (committed / name).is_file()]
-    if not names:
-        raise InputError(f"`name`: {committed} has no table to check; make the reference first")
-    return [
-        Difference(f"{name}, {place}", *values)
-        for name in names
-        for place, values in _differing(_read(committed / name), _read(remade / name))
-        if not world_only or place.partition(", ")[2].startswith(WORLD)
-    ]
-
-
 def told(found: list[Difference], committed: Path) -> str:
     """Return the differences in a paragraph, the first few of them, and on which machine the committed was made."""
     more = f"\n  and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
@@ -246,45 +195,8 @@ def processor_kind() -> str:
     return hashlib.sha256(f"{told.get('model name')} {platform.machine()} {able}".encode()).hexdigest()[:16]
 
 
-def _read(path: Path) -> dict[str, Any]:
-    """Return a table's values by their place."""
-    if not path.is_file():
-        return {}
-    if path.suffix == ".json":
-        return dict(_leaves(json.loads(path.read_text(encoding="utf-8")), ""))
-
-    rows = pd.read_parquet(path)
-    return {
-        f"row {place}, {column}": value
-        for column in map(str, rows)
-        for place, value in enumerate(rows[column].tolist())
-    }
-
-
-def _leaves(value: object, place: str) -> Iterator[tuple[str, object]]:
-    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
-    if inside is None:
-        yield place, value
-        return
-    for key, item in inside:
-        yield from _leaves(item, f"{place}.{key}" if place else str(key))
-
-
-def _differing(first: dict[str, Any], second: dict[str, Any]) -> Iterator[tuple[str, tuple[object, object]]]:
-    for place in dict.fromkeys((*first, *second)):
-        if place not in first and any(word in place for word in LATER):
-            continue
-        pair = first.get(place), second.get(place)
-        if not any(word in place for word in TIMES) and not _same(*pair):
-            yield place, pair
-
-
-def _same(a: object, b: object) -> bool:
-    missing = [value is None or (isinstance(value, float) and math.isnan(value)) for value in (a, b)]
-    return all(missing) or a == b
-
-
 MAKING = Path("results") / "making"
+MOST_TOLD = 5
 KEPT = (".json", ".md", ".parquet", ".png", ".svg")
 LEFT_OUT = ("runs",)
 
@@ -378,10 +290,10 @@ def state_of(reference: Reference, root: Path) -> str:
     folder = root / FOLDER / reference.name
     if not folder.is_dir():
         return "not made yet"
-    try:
-        made_of = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["git_revision"]
-    except (OSError, ValueError, KeyError):
-        made_of = "an unknown revision"
+    manifest = _manifest(folder) or {}
+    made_of = manifest.get("git_revision", "an unknown revision")
+    if again := manifest.get(CONFIRMED):
+        made_of += f", {again['runs_made_again']} runs made again at {again['git_revision']} and the same"
     same, stale = made_as_listed(reference, folder), stale_parts(reference, root)
     older = f"; stale: {', '.join(stale)} changed since" if stale else ""
     return f"made of {made_of}{'' if same else ', with other options than these'}{older}"
@@ -438,11 +350,41 @@ def check(reference: Reference, execute: Execute) -> bool:
     return bool(found)
 
 
+CONFIRMED = "confirmed"
+
+
+def confirm(reference: Reference, root: Path, execute: Execute) -> bool:
+    """Make some runs of a reference again, note in its manifest if all are the same, and return whether any differs.
+
+    Raises:
+        InputError: The tree is not clean, or the reference is missing or made on another kind of processor.
+    """
+    committed = root / FOLDER / reference.name
+    if changed := changes(root):
+        raise InputError(f"`confirm`: {changed[0]} differs from the revision; commit that first")
+    if not made_here(committed):
+        raise InputError(f"`confirm`: {committed} is missing or made on another kind of processor; make it here")
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / reference.name
+        execute([*reference.words, *reference.some], made)
+        found, runs = row_differences(committed, made) if any(made.rglob(TABLE)) else ([], 0)
+        found += [] if reference.some else differences(committed, made)
+    if found:
+        typer.echo(told(found, committed), err=True)
+        return True
+    manifest = json.loads((committed / MANIFEST).read_text(encoding="utf-8"))
+    manifest |= {CODE: own_code(), CONFIRMED: {"git_revision": revision(root), "runs_made_again": runs or "all"}}
+    write_text(committed / MANIFEST, json.dumps(manifest, indent=2) + "\n")
+    typer.echo(f"{reference.name}: {runs or 'all'} runs made again, and the same", err=True)
+    return False
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """List, make or check; return 1 where a check finds differences or, without a name, stale tables."""
     parser = argparse.ArgumentParser(prog="python .ci/reference.py", description="Make or check the reference tables.")
     parser.add_argument("name", nargs="?", help="name of a table, or all; without it, list all tables")
     parser.add_argument("--check", action="store_true", help="compare a remade table with the committed one")
+    parser.add_argument("--confirm", action="store_true", help="make some runs again and note that they are the same")
     parser.add_argument("--out", type=Path, help="trial: write to this folder and keep the committed table")
     parser.add_argument("--workers", type=int)
     parser.add_argument("--quiet", action="store_true")
@@ -462,6 +404,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for each in wanted:
             if chosen.check:
                 differ |= check(each, execute)
+            elif chosen.confirm:
+                differ |= confirm(each, ROOT, execute)
             elif chosen.out is not None:
                 execute(list(each.words), chosen.out.absolute())
             else:
