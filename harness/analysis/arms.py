@@ -42,6 +42,7 @@ class Arms:
         a: Values of the first arm, shape (n,).
         b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
         layout: What they belong to.
+        totals: Of ratios, what each is a ratio to, shapes (n,); None where all values count the same.
     """
 
     label: str
@@ -49,6 +50,7 @@ class Arms:
     a: FloatArray
     b: FloatArray
     layout: Layout
+    totals: tuple[FloatArray, FloatArray] | None = None
 
 
 def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
@@ -61,6 +63,8 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
     if layout.paired:
         known_a = known_b = known_a & known_b
     a, b = arms.a[known_a], arms.b[known_b]
+    if arms.totals is not None:
+        a, b = _in_proportion(a, arms.totals[0][known_a]), _in_proportion(b, arms.totals[1][known_b])
     strata, units = ((pair[0][known_a], pair[1][known_b]) for pair in (layout.strata, layout.units))
     effect = paired_effect(a, b, strata[0], units[0]) if layout.paired else unpaired_effect(a, b, strata, units)
     return MetricDifference(
@@ -90,6 +94,14 @@ def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0
         return "b has no value of it"
     lost = int((a & ~b).sum()) if paired else max(0, int((~b).sum()) - int((~a).sum()))
     return f"b lacks {lost} of the {int(a.sum())} values that a has" if lost > tolerated * a.sum() else ""
+
+
+def _in_proportion(ratios: FloatArray, totals: FloatArray) -> FloatArray:
+    """Return values, shape (n,), of which the mean is the ratio of all totals, and the scatter that of this ratio."""
+    if not len(ratios) or not totals.sum() > 0.0:  # older rows lack the totals
+        return ratios
+    together = (ratios * totals).sum() / totals.sum()
+    return np.asarray(together + (ratios - together) * totals / totals.mean())
 
 
 def _mean(values: FloatArray) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
+from harness.analysis.coasting_ratio import RATIO_TOTALS, with_ratios
 from harness.analysis.experiments import differing, differing_code, on_other_traffic
 from harness.analysis.single import FOLLOWED, compare_runs, label_of, notes_of
 from harness.analysis.sources import SETTING, Source
@@ -156,7 +157,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         pairing = pair(rows_a, rows_b, [*SETTING, *a.axes])
         units = pairing.units
         wanting += [f"{label}: {lacking}" for lacking in pairing.lacking]
-        matched = rows_a.iloc[pairing.of_a], rows_b.iloc[pairing.of_b]
+        matched = with_ratios(rows_a.iloc[pairing.of_a]), with_ratios(rows_b.iloc[pairing.of_b])
         compared += len(pairing.of_a)
         if pairing.layout.paired and (elsewhere := int(on_other_traffic(*matched).sum())):
             other += elsewhere
@@ -168,7 +169,10 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         }
         if _in_one_run(a, b) and pairing.layout.paired and all(STEP_TIME.key in rows for rows in matched):
             values[STEP_TIME] = _step_times(*matched)
-        arms += [Arms(label, quantity, both[0], both[1], pairing.layout) for quantity, both in values.items()]
+        for quantity, (of_a, of_b) in values.items():
+            total = RATIO_TOTALS.get(quantity.key)
+            totals = (column_of(matched[0], total), column_of(matched[1], total)) if total else None
+            arms.append(Arms(label, quantity, of_a, of_b, pairing.layout, totals))
     if not any(len(arm.a) and len(arm.b) for arm in arms):
         raise InputError(
             f"compare: {a.name} and {b.name} have no setting in common; compare grids of the same densities"

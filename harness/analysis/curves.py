@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from harness.analysis import coasting_ratio
-from harness.common.intervals import possible_ci
+from harness.common.intervals import NONNEGATIVE, Possible, possible_ci
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+Ratio = tuple[float | None, tuple[float, float] | None]
 DRAWS = 2000
 BREAK_PERCENT = 50.0
 BREAK_METRIC = "occlusion.same_id"
@@ -37,20 +38,13 @@ TABLED = (
     *("hidden", "gospa_remembered", "mae.visible.lon_m", "mae.visible.n", "mae.hidden.lon_m", "mae.hidden.n"),
     *("mae.by_seconds_hidden", "occlusion.survived", "occlusion.same_id", "occlusion.hijacked"),
     *("occlusion.short.same_id", "occlusion.long.same_id", "mot.hota", "mot.id_switches", "gospa", "in_plain_view"),
-    *(
-        "calibration",
-        "existence_calibration",
-        "manoeuvre",
-        "decisions",
-        "hidden_by",
-        "unseen_turns",
-        "pseudo_occlusion",
-    ),
-    "never_seen.log_skill_percent",
+    *("calibration", "existence_calibration", "manoeuvre", "decisions", "hidden_by", "unseen_turns"),
+    *("pseudo_occlusion", "never_seen.log_skill_percent"),
 )
 IN_WORDS: dict[str, dict[str, Any]] = {
     "mae.hidden.lon_m": {"label": "MAE hidden (while followed), m"},
     "mot.id_switches": {"label": "identity switches a run", "decimals": 1, "weight": "", "scale": None},
+    **{key: {"weight": weight} for key, weight in coasting_ratio.ON_PURPOSE_WEIGHTS.items()},
 }
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ms", heading="ms a step")
 
@@ -184,17 +178,18 @@ def breaks(table: pd.DataFrame) -> list[Break]:
 
 def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: pd.DataFrame) -> Point:
     sums, counts = summed_by("seed", runs, *sums_and_weights(runs, quantity))
+    mean, ci95 = ratio_of(sums, counts, quantity.possible)
+    seeds, n = int(np.count_nonzero(counts)), round(float(counts.sum()))
+    return Point(label, axis, value, quantity.key, mean, ci95, seeds, n)
+
+
+def ratio_of(sums: FloatArray, counts: FloatArray, possible: Possible = NONNEGATIVE) -> Ratio:
+    """Return the ratio of the totals, None without a sample, and its interval over independent units, shape (n,)."""
     total = float(counts.sum())
-    interval = possible_ci(sums, counts, quantity.possible)
-    return Point(
-        label=label,
-        axis=axis,
-        value=value,
-        metric=quantity.key,
-        mean=float(sums.sum()) / total if total > 0.0 else None,
-        ci95=(interval.low, interval.high) if np.isfinite(interval.low) else None,
-        seeds=int(np.count_nonzero(counts)),
-        n=round(total),
+    interval = possible_ci(sums, counts, possible)
+    return (
+        float(sums.sum()) / total if total > 0.0 else None,
+        (interval.low, interval.high) if np.isfinite(interval.low) else None,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -164,17 +164,7 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
     ]
     if ahead:
         heads = ("mismatch", "score", "first", "best of the others", "ahead of it, points", "runs")
-        rows = [
-            (
-                lead.mismatch,
-                lead.score,
-                lead.first,
-                lead.best_other,
-                _points(lead.ahead, lead.ahead_ci95),
-                str(lead.runs),
-            )
-            for lead in ahead
-        ]
+        rows = [(*astuple(lead)[:4], _points(lead.ahead, lead.ahead_ci95), str(lead.runs)) for lead in ahead]
         lines += ["", "The first tracker against the best of the others by each score, paired run by run:", ""]
         lines += markdown_table(heads, rows)
     if failures:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.analysis.curves import labelled, summed_by, sums_and_weights
-from harness.common.intervals import NONNEGATIVE, Possible, possible_ci
+from harness.analysis.coasting_ratio import kinds_hidden_on_purpose, on_purpose, with_ratios
+from harness.analysis.curves import Ratio, labelled, ratio_of, summed_by, sums_and_weights
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
@@ -34,11 +34,6 @@ POOLED = {
     "mae.hidden.n": "hidden_followed",
     "gospa_remembered.mean": "gospa_remembered_m",
     "occlusion.same_id": "same_id",
-    **{
-        f"pseudo_occlusion.{key}.{score}": f"{score}_hidden_on_purpose_{key}"
-        for key in ("1s", "2s", "3s", "5s")
-        for score in ("cost_m", "ratio", "same_id_percent", "ellipse90_percent")
-    },
     **{
         f"gaps.{kind}.{score}": f"{name}_{kind}"
         for kind in ("all", "moving", "parked")
@@ -75,7 +70,7 @@ class Mean:
         quantity: Key of the quantity.
         mean: The mean; None without a sample.
         ci95: Bootstrap interval over files; None with fewer than two files.
-        n: Samples behind it.
+        n: Samples behind it; of a ratio, what it is a ratio of, summed.
     """
 
     tracker: str
@@ -134,12 +129,16 @@ class Pooled:
 
 
 def pool_files(table: pd.DataFrame) -> Pooled:
-    """Pool the runs over recorded files; a run that failed leaves its file out for its tracker alone."""
-    done = labelled(table)
+    """Pool the runs over recorded files; a run that failed leaves its file out for its tracker alone.
+
+    A file is one scene, whichever egos carry the sensor in it: it is what intervals take for independent.
+    """
+    done = with_ratios(labelled(table))
     groups = [(str(label), runs) for label, runs in done.groupby("label", sort=False)]
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
     hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]
     told = [each for each in pooled_quantities() if not each.is_of_some_runs or each.key in done]
+    told += on_purpose(kinds_hidden_on_purpose(done))
     means = [_mean(label, quantity, runs) for label, runs in groups for quantity in told]
     return Pooled(_files(done), switches, means, hidden)
 
@@ -156,38 +155,21 @@ def _files(done: pd.DataFrame) -> list[FileCount]:
 
 def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
     sums, counts = summed_by(RECORDING, runs, *sums_and_weights(runs, quantity))
-    mean, interval = _ratio(sums, counts, quantity.possible)
-    return Mean(label, pooled_name(quantity), mean, interval, int(counts.sum()))
+    return Mean(label, pooled_name(quantity), *ratio_of(sums, counts, quantity.possible), int(counts.sum()))
 
 
 def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:
-    prefix = "against_coasting.by_seconds_hidden."
+    prefix, ending = "against_coasting.by_seconds_hidden.", ".from_s"
     names = [str(name) for name in runs]
-    bins = sorted({int(name.removeprefix(prefix).split(".")[0]) for name in names if name.startswith(prefix)})
+    bins = [name.removesuffix(ending) for name in names if name.startswith(prefix) and name.endswith(ending)]
     errors = []
-    for key in (*(f"{prefix}{number}" for number in bins), "against_coasting.hidden"):
-        n, own, coasting = (
-            runs[f"{key}.{name}"].to_numpy(dtype=np.float64) for name in ("n", "lon_m", "coasting_lon_m")
-        )
-        own_sums, counts = summed_by(RECORDING, runs, own * n, n)
-        coasting_sums, _ = summed_by(RECORDING, runs, coasting * n, n)
-        is_bin = f"{key}.from_s" in runs
-        lon_m, lon_interval = _ratio(own_sums, counts)
-        ratio, ratio_interval = _ratio(own_sums, coasting_sums)
-        errors.append(
-            HiddenError(
-                tracker=label,
-                from_s=float(runs[f"{key}.from_s"].iloc[0]) if is_bin else 0.0,
-                to_s=float(runs[f"{key}.to_s"].iloc[0]) if is_bin else None,
-                lon_m=lon_m,
-                lon_m_ci95=lon_interval,
-                coasting_lon_m=_ratio(coasting_sums, counts)[0],
-                ratio=ratio,
-                ratio_ci95=ratio_interval,
-                n=int(counts.sum()),
-                followed_percent=_followed(runs, key.removeprefix(prefix) if is_bin else ""),
-            )
-        )
+    for key in (*sorted(bins, key=lambda key: int(key.removeprefix(prefix))), "against_coasting.hidden"):
+        n, own, coasting = (column_of(runs, f"{key}.{name}") for name in ("n", "lon_m", "coasting_lon_m"))
+        from_s, to_s = (float(runs[f"{key}.{end}"].iloc[0]) if key in bins else None for end in ("from_s", "to_s"))
+        lon_m, ratio = _over_files(runs, own * n, n), _over_files(runs, own * n, coasting * n)
+        coasting_m, _ = _over_files(runs, coasting * n, n)
+        followed = _followed(runs, key.removeprefix(prefix) if key in bins else "")
+        errors.append(HiddenError(label, from_s or 0.0, to_s, *lon_m, coasting_m, *ratio, int(np.nansum(n)), followed))
     return errors
 
 
@@ -195,16 +177,8 @@ def _followed(runs: pd.DataFrame, number: str) -> float | None:
     """Return the share of the hidden vehicle-steps of a bin, or of all, that the tracker follows."""
     key = f"mae.by_seconds_hidden.{number}" if number else "hidden_outcomes"
     share, n = column_of(runs, f"{key}.tracked_percent"), column_of(runs, f"{key}.{'hidden_n' if number else 'n'}")
-    return _ratio(*summed_by(RECORDING, runs, share * n, n))[0]
+    return _over_files(runs, share * n, n)[0]
 
 
-def _ratio(
-    sums: FloatArray, counts: FloatArray, possible: Possible = NONNEGATIVE
-) -> tuple[float | None, tuple[float, float] | None]:
-    """Return the ratio of the totals and its interval over files."""
-    total = float(counts.sum())
-    if total <= 0.0:
-        return None, None
-    interval = possible_ci(sums, counts, possible)
-    ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
-    return float(sums.sum()) / total, ends
+def _over_files(runs: pd.DataFrame, sums: FloatArray, counts: FloatArray) -> Ratio:
+    return ratio_of(*summed_by(RECORDING, runs, sums, counts))

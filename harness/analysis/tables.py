@@ -8,14 +8,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
-from harness.analysis.curves import (
-    BREAK_PERCENT,
-    FEWEST_EVENTS,
-    Break,
-    Point,
-    curve_quantities,
-    table_quantities,
-)
+from harness.analysis.curves import BREAK_PERCENT, FEWEST_EVENTS, Break, Point, curve_quantities, table_quantities
 from harness.common.markdown import markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import NET

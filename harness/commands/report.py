@@ -18,15 +18,11 @@ class Options(TypedDict):
     folder: Annotated[
         Path,
         Option(
-            "Folder of a run, or of a study, stress grid or comparison.",
-            default=...,
-            metavar="RUN",
-            is_argument=True,
+            "Folder of a run, or of a study, stress grid or comparison.", default=..., metavar="RUN", is_argument=True
         ),
     ]
     figures: Annotated[
-        str | None,
-        Option("Draw the figures of a run or a stress test for a paper: png, svg or pdf.", metavar="KIND"),
+        str | None, Option("Draw the figures of a run or a stress test for a paper: png, svg or pdf.", metavar="KIND")
     ]
     json: shared.Json
 

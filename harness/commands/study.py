@@ -36,10 +36,7 @@ class Options(TypedDict):
         ),
     ]
     cache: shared.Cache
-    real_data: Annotated[
-        Path | None,
-        Option("Folder of real recordings, for situations. (default: none)"),
-    ]
+    real_data: Annotated[Path | None, Option("Folder of real recordings, for situations. (default: none)")]
     out: Annotated[Path | None, Option("Folder to write. (default: results/study-CASE)")]
     json: shared.Json
     quiet: shared.Quiet

@@ -135,10 +135,7 @@ def _write_outcome(grid: GridPlan, request: GridRequest, out: Path, rows: Mappin
     broken: Sequence[Break] = ()
     if request.mismatch:
         found, ahead = costs(table), leads(table)
-        numbers: dict[str, Any] = {
-            "mismatches": list(map(asdict, found)),
-            "leads": list(map(asdict, ahead)),
-        }
+        numbers: dict[str, Any] = {"mismatches": list(map(asdict, found)), "leads": list(map(asdict, ahead))}
         text = costs_markdown(found, _lines(failures), ahead)
     elif grid.is_replay:
         pooled = pool_files(table)

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curve_charts import grid_charts
-from harness.analysis.curves import sums_and_weights
+from harness.analysis.curves import ratio_of, summed_by, sums_and_weights
 from harness.analysis.leading import leading_sentence
 from harness.analysis.verdicts import compared_quantities
 from harness.common.charts import Charts
@@ -138,10 +138,8 @@ def _about(grid: GridPlan) -> str:
 
 def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
     """Return the mean over a cell's runs, weighted as in the curves."""
-    sums, weight = sums_and_weights(runs, quantity)
-    known = np.isfinite(sums) & np.isfinite(weight)
-    total = weight[known].sum()
-    return f"{sums[known].sum() / total:.{quantity.decimals}f}" if total > 0.0 else "-"
+    mean, _ = ratio_of(*summed_by("seed", runs, *sums_and_weights(runs, quantity)))
+    return f"{mean:.{quantity.decimals}f}" if mean is not None else "-"
 
 
 def plan_of(folder: Path) -> GridPlan | None:

@@ -8,16 +8,7 @@ import pytest
 from scipy import stats
 
 from harness.analysis.arms import Arms, Layout, lost_values, measure, pair
-from harness.analysis.verdicts import (
-    BETTER,
-    NO_WORSE,
-    UNDECIDED,
-    UNTESTED,
-    WORSE,
-    MetricDifference,
-    Rules,
-    judge,
-)
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, MetricDifference, Rules, judge
 from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
 from harness.scoring.metrics.quantity import Quantity
 
@@ -153,6 +144,17 @@ def test_pairs_without_a_half_are_left_out_of_everything():
     assert (nothing.pairs, nothing.wanting, np.isnan(nothing.a)) == (0, "b has no value of it", True)
 
 
+def test_compared_ratios_have_the_mean_of_sums_and_a_ratios_scatter_over_the_pairs_that_both_have():
+    ratios, totals = np.array([0.5, 2.0, 1.0, 9.0]), np.array([8.0, 1.0, 3.0, 5.0])
+    a, totals_a = np.array([1.5, 1.5, 1.5, NAN]), np.array([2.0, 1.0, 4.0, NAN])
+    told = measure(Arms("x", ERROR, a, ratios, layout(4), (totals_a, totals)))
+    assert (told.a, told.b, told.pairs) == (1.5, pytest.approx((4.0 + 2.0 + 3.0) / 12.0), 3)
+    residuals = (ratios[:3] * totals[:3] - 0.75 * totals[:3]) / 12.0
+    assert told.effect.se == pytest.approx(np.sqrt(3 / 2 * (residuals**2).sum()))
+    older = measure(Arms("x", ERROR, a, ratios, layout(4), (totals_a, np.full(4, NAN))))
+    assert older.b == pytest.approx(3.5 / 3)
+
+
 def test_no_value_may_be_lost_unless_a_share_is_tolerated():
     there, few = np.ones(40, dtype=bool), np.arange(40) >= 2
     assert lost_values(there, few, True) == "b lacks 2 of the 40 values that a has"
@@ -177,8 +179,7 @@ def word(difference: float, se: float, **other) -> str:
 
 
 @pytest.mark.parametrize(
-    ("difference", "found"),
-    [(2.0, NO_WORSE), (2.0001, WORSE), (0.5, NO_WORSE), (0.0, NO_WORSE), (-0.0001, BETTER)],
+    ("difference", "found"), [(2.0, NO_WORSE), (2.0001, WORSE), (0.5, NO_WORSE), (0.0, NO_WORSE), (-0.0001, BETTER)]
 )
 def test_a_certain_difference_is_worse_only_beyond_the_tolerance(difference, found):
     assert word(difference, 0.0) == found

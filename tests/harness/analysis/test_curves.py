@@ -96,13 +96,16 @@ def test_the_table_names_every_tracker_density_and_failure():
 
 def test_the_ratio_to_coasting_is_that_of_all_errors_together_with_an_interval_over_seeds():
     def against(own: float, coasting: float, n: float) -> dict:
-        key = "against_coasting.hidden"
-        return {f"{key}.lon_m": own, f"{key}.coasting_lon_m": coasting, f"{key}.n": n}
+        key, on_purpose = "against_coasting.hidden", "pseudo_occlusion.3s"
+        told = {f"{key}.lon_m": own, f"{key}.coasting_lon_m": coasting, f"{key}.n": n, f"{on_purpose}.windows": 2 * n}
+        told |= {f"{on_purpose}.followed_percent": 50.0, f"{on_purpose}.constant_velocity_m": coasting}
+        return told | {f"{on_purpose}.ratio": own / coasting}
 
     table = pd.DataFrame([rows(20, 0, 10, **against(1.0, 2.0, 30)), rows(20, 1, 10, **against(6.0, 4.0, 10))])
-    ratio = curve(table, "against_coasting.hidden.ratio")[20]
-    assert ratio.mean == pytest.approx((30 + 60) / (60 + 40))
-    assert 0.0 <= ratio.ci95[0] < ratio.mean < ratio.ci95[1]
+    for key in ("against_coasting.hidden.ratio", "pseudo_occlusion.3s.ratio"):
+        ratio = curve(table, key)[20]
+        assert ratio.mean == pytest.approx((30 + 60) / (60 + 40))
+        assert 0.0 <= ratio.ci95[0] < ratio.mean < ratio.ci95[1]
 
 
 def test_identities_by_time_hidden_switches_and_the_error_after_two_seconds_have_intervals_over_seeds():

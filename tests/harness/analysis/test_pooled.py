@@ -8,13 +8,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from harness.analysis.coasting_ratio import on_purpose
 from harness.analysis.pooled import pool_files
 from harness.analysis.pooled_tables import pooled_markdown
 from harness.commands.app import run_command_line
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_snapshots
+from harness.scoring.metrics.pseudo_occlusion import HiddenWindows, scores_of_pseudo_occlusions
 from harness.storage.grid_folder import RUNS
+from harness.storage.grid_rows import flattened
 from mmpf.numerics.arrays import BoolArray
 from tests.harness.grid.executors import ECHO, InProcess
 from tests.harness.truth.recorded.layouts import write_commonroad, write_ngsim_csv
@@ -67,6 +70,46 @@ def test_the_ratio_to_coasting_is_that_of_all_errors_together():
     assert overall.lon_m == pytest.approx((10 + 120) / 40)
     assert overall.ratio == pytest.approx((10 + 120) / (20 + 60))
     assert 0.0 <= overall.ratio_ci95[0] < overall.ratio < overall.ratio_ci95[1]
+
+
+# File, seed, length s, situation, error m (nan: not followed), constant velocity's, same identity, in ellipse.
+WINDOWS = [
+    ("a", 0, 3, 0, 1.0, 4.0, 1, 1), ("a", 0, 3, 0, 9.0, 2.0, 1, 0), ("a", 0, 1, 1, 2.0, 1.0, 0, 1),
+    ("a", 1, 3, 1, np.nan, 7.0, 0, 0), ("a", 1, 3, 0, 20.0, 5.0, 1, 0), ("b", 0, 3, 0, 2.0, 8.0, 1, 1),
+    ("c", 0, 3, 1, np.nan, 1.0, 0, 0), ("c", 0, 3, 0, 3.0, 9.0, 0, 1),
+]  # fmt: skip
+
+
+def runs_hiding_on_purpose(windows=WINDOWS) -> pd.DataFrame:
+    rows = []
+    for file, seed in dict.fromkeys(each[:2] for each in windows):
+        length, situation, error, constant, same, inside = np.array([e[2:] for e in windows if e[:2] == (file, seed)]).T
+        followed, always = np.isfinite(error), np.ones(len(error), dtype=bool)
+        inputs = (length, followed, error, constant, inside > 0, same > 0, always, situation)
+        scores = flattened(scores_of_pseudo_occlusions([HiddenWindows(*inputs)], None), "pseudo_occlusion.")
+        rows.append(row(file, **scores) | {"seed": seed})
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize(("kind", "place", "value"), [("3s", 2, 3), ("following", 3, 0)])
+def test_scores_of_vehicles_hidden_on_purpose_are_over_all_windows_and_their_ratio_is_that_of_sums(kind, place, value):
+    chosen = [each for each in WINDOWS if each[place] == value]
+    followed = [each for each in chosen if np.isfinite(each[4])]
+    error, constant = sum(each[4] for each in followed), sum(each[5] for each in followed)
+    cost = sum(min(each[4], 10.0) if each in followed else 10.0 for each in chosen)
+    pooled = pool_files(runs_hiding_on_purpose())
+    told = [mean_of(pooled, each.key) for each in on_purpose([kind])]
+    same, inside = sum(each[6] for each in chosen), sum(each[7] for each in followed)
+    expected = [100 * len(followed) / len(chosen), error / constant, cost / len(chosen)]
+    expected += [100 * same / len(chosen), 100 * inside / len(followed)]
+    assert [mean.mean for mean in told] == pytest.approx(expected)
+    cells = f"| {kind} | mmpf | {len(chosen)} | {expected[0]:.1f} ["
+    assert cells in pooled_markdown(pooled, [])
+    # The runs of a file are one unit, and Student's interval of a ratio has one degree of freedom less than files.
+    files = [[each for each in followed if each[0] == file] for file in "abc"]
+    residuals = [sum(each[4] - error / constant * each[5] for each in file) / constant for file in files]
+    half = 4.302653 * np.sqrt(3 / 2 * sum(residual**2 for residual in residuals))
+    assert told[1].ci95 == pytest.approx((max(0.0, error / constant - half), error / constant + half))
 
 
 def test_the_error_of_hidden_vehicles_has_the_followed_share_beside_it():

@@ -17,19 +17,7 @@ from harness.grid.cluster import connect
 from tests.harness.grid.executors import table_of
 
 REPOSITORY = Path(__file__).parents[3]
-GRID = (
-    "--densities",
-    "10,15",
-    "--seeds",
-    "2",
-    "--models",
-    "cvm",
-    "--particles",
-    "20",
-    "--duration",
-    "1",
-    "--quiet",
-)
+GRID = ("--densities", "10,15", "--seeds", "2", "--models", "cvm", "--particles", "20", "--duration", "1", "--quiet")
 
 
 def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):

@@ -12,16 +12,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "explanation" / "sensor.md"
 
 def test_the_profiles_exist_and_explain_their_figures():
     assert list(sensor_profiles) == [
-        *(
-            "av2-points",
-            "camera",
-            "ideal",
-            "kitti-pointrcnn",
-            "lidar",
-            "lidar-independent",
-            "lidar-real",
-            "radar",
-        )
+        *("av2-points", "camera", "ideal", "kitti-pointrcnn", "lidar", "lidar-independent", "lidar-real", "radar")
     ]
     assert all(len(sensor_profiles[name].__doc__ or "") > 200 for name in sensor_profiles)
 
@@ -43,11 +34,7 @@ def test_a_number_given_as_text_counts_as_a_number():
 @pytest.mark.parametrize(
     ("profile", "overrides", "named"),
     [
-        (
-            "sonar",
-            {},
-            "av2-points, camera, ideal, kitti-pointrcnn, lidar, lidar-independent, lidar-real, radar",
-        ),
+        ("sonar", {}, "av2-points, camera, ideal, kitti-pointrcnn, lidar, lidar-independent, lidar-real, radar"),
         ("lidar", {"reach": 3}, "sensor.reach"),
         ("lidar", {"range_m": -1}, "sensor.range_m"),
         ("lidar", {"range_m": np.nan}, "sensor.range_m"),

@@ -16,16 +16,7 @@ NAMES = ("oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "immortal-kalman")
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "oracle-kalman",
-        "stonesoup-gnn",
-        "stonesoup-jpda",
-        "immortal-kalman",
-        "box-kalman",
-        "oc-sort",
-        "pmbm",
-    ],
+    "name", ["oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "immortal-kalman", "box-kalman", "oc-sort", "pmbm"]
 )
 @pytest.mark.parametrize("with_speed", [False, True])
 def test_vehicles_of_all_directions_have_their_own_speed(name, with_speed):

@@ -25,11 +25,7 @@ from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.stonesoup.parts import DetectionMaker
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
-NAMES = [
-    "stonesoup-gnn",
-    "stonesoup-jpda",
-    "stonesoup-jpda-stitched",
-]
+NAMES = ["stonesoup-gnn", "stonesoup-jpda", "stonesoup-jpda-stitched"]
 CARS = [
     ScriptedCar("ahead", EGO_START_M + 30.0, lane=3, speed_mps=23.0),
     ScriptedCar("left", EGO_START_M + 3.0, lane=2, speed_mps=26.0),

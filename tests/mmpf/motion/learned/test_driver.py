@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
-from mmpf.motion.learned.driver import (
-    HABIT,
-    INTENTION,
-    TARGET,
-    LearnedDriver,
-    load_learned_driver,
-)
+from mmpf.motion.learned.driver import HABIT, INTENTION, TARGET, LearnedDriver, load_learned_driver
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import load_short_driver, short_term_driver
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED

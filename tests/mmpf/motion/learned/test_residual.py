@@ -5,12 +5,7 @@ import pytest
 
 from mmpf.motion.idm import idm_acceleration
 from mmpf.motion.learned.driver import residual_driver
-from mmpf.motion.learned.residual import (
-    IDM_RANGE_MPS2,
-    TIME_SCALES_S,
-    USUAL_DRIVER,
-    ResidualFollower,
-)
+from mmpf.motion.learned.residual import IDM_RANGE_MPS2, TIME_SCALES_S, USUAL_DRIVER, ResidualFollower
 from mmpf.motion.state import ACCEL, SPEED
 from tests.mmpf.motion.surroundings import states, vehicle
 
