@@ -15,7 +15,6 @@ from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mo
 from harness.report.summary_text import number, out_of
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.tables import floats
-from mmpf.numerics.arrays import FloatArray
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "detected in the last 10 s"))
 POSITION_COLUMN = ("position_m", "position m")
@@ -105,31 +104,33 @@ def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> 
     """Return the table from the rows of ``errors.parquet`` and ``occlusions.parquet``; None if nobody was detected."""
     if not len(errors):
         return None
-    distance_m = np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m"))
-    tracked = (errors["outcome"].astype(object) == "tracked").to_numpy()
-    hidden = (errors["state"].astype(object) == HIDDEN).to_numpy()
-    cost_m = np.where(hidden, np.where(tracked, np.minimum(distance_m, FOLLOW_CUTOFF_M), FOLLOW_CUTOFF_M), 0.0)
-    bad = events[events["outcome"].astype(object).isin(["lost", "hijacked"])]
-    failures = bad["vehicle_id"].astype(object).value_counts()
-    times = floats(errors, "time_s")
-    rows: list[tuple[float, list[str | Markup]]] = []
-    for name, at in errors.groupby(errors["vehicle_id"].astype(object), sort=False).indices.items():
-        away_m, percent, unseen = distance_m[at], np.where(tracked[at], 100.0, 0.0), hidden[at]
-        seen = ~unseen
-        # The worst is where it first costs most; of a vehicle that was never hidden, where it is farthest off.
-        worst = int(np.argmax(cost_m[at] if unseen.any() else np.nan_to_num(np.where(tracked[at], away_m, 0.0))))
-        address = f"#t={times[at[worst]]:.1f}&vehicle={quote(str(name))}"
-        cells = [
-            f"{step_s * seen.sum():.1f}", f"{step_s * unseen.sum():.1f}",
-            _mean(percent[seen], 0), _mean(away_m[seen & tracked[at]], 2),
-            _mean(percent[unseen], 0), _mean(away_m[unseen & tracked[at]], 2), _mean(cost_m[at][unseen], 2),
-        ]  # fmt: skip
-        link = Markup("<a href='{}'>{}</a>").format(address, str(name))
-        rows.append((float(cost_m[at].sum()), [link, *cells, str(int(failures.get(name, 0)))]))
+    failures = events.loc[events["outcome"].isin(["lost", "hijacked"]), "vehicle_id"].astype(object).value_counts()
+    rows = [
+        (of_vehicle["cost_m"].sum(), [*_vehicle_cells(str(name), of_vehicle, step_s), str(failures.get(name, 0))])
+        for name, of_vehicle in _steps(errors).groupby("vehicle", sort=False)
+    ]
     rows.sort(key=lambda row: -row[0])
     table = html_table(HEADINGS, [cells for _, cells in rows[:MOST_ROWS]])
     return VehicleTable(table, max(0, len(rows) - MOST_ROWS), FOLLOW_CUTOFF_M)
 
 
-def _mean(values: FloatArray, decimals: int) -> str:
-    return f"{values.mean():.{decimals}f}" if len(values) else "-"
+def _steps(errors: pd.DataFrame) -> pd.DataFrame:
+    """Return each vehicle-step with the distance of its own track, nan without one, and its hidden cost."""
+    tracked = (errors["outcome"].astype(object) == "tracked").to_numpy()
+    hidden = (errors["state"].astype(object) == HIDDEN).to_numpy()
+    away_m = np.where(tracked, np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m")), np.nan)
+    cost_m = np.where(hidden, np.fmin(away_m, FOLLOW_CUTOFF_M), 0.0)
+    columns = {"vehicle": errors["vehicle_id"].astype(object), "time_s": floats(errors, "time_s")}
+    return pd.DataFrame({**columns, "hidden": hidden, "away_m": away_m, "cost_m": cost_m})
+
+
+def _vehicle_cells(name: str, steps: pd.DataFrame, step_s: float) -> list[str | Markup]:
+    """Return the cells of a vehicle up to its cost, the first of which leads to its worst moment."""
+    hidden, seen = steps[steps["hidden"]], steps[~steps["hidden"]]
+    # The worst is where it first costs most; of a vehicle that was never hidden, where it is farthest off.
+    worst = int(np.argmax(steps["cost_m"] if len(hidden) else steps["away_m"].fillna(0.0)))
+    address = f"#t={steps['time_s'].iloc[worst]:.1f}&vehicle={quote(name)}"
+    link = Markup("<a href='{}'>{}</a>").format(address, name)
+    times_s = [f"{step_s * len(part):.1f}" for part in (seen, hidden)]
+    away = [(number(100.0 * m.notna().mean(), 0), number(m.mean(), 2)) for m in (seen["away_m"], hidden["away_m"])]
+    return [link, *times_s, *away[0], *away[1], number(hidden["cost_m"].mean(), 2)]

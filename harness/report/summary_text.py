@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -179,7 +180,7 @@ def _times(count: int) -> str:
 
 def number(value: float | None, decimals: int, unit: str = "") -> str:
     """Return a number with its unit, or a dash for none."""
-    return "-" if value is None else f"{value:.{decimals}f}{unit}"
+    return "-" if value is None or math.isnan(value) else f"{value:.{decimals}f}{unit}"
 
 
 def out_of(part: str, total: float | None) -> str:
