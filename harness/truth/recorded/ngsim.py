@@ -193,7 +193,3 @@ def _check_clock(columns: Columns, path: Path) -> None:
 
 def _letters(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:200]

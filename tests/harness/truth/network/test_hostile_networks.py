@@ -77,6 +77,7 @@ NO_TYPE = (
         VEHICLES[:60],
         *(VEHICLES.replace("<flow ", f'<flow departSpeed="{speed}" ') for speed in ("2000000000", "nan")),
         *(f'<routes><{element} id="f" departSpeed="inf"/></routes>' for element in ("vehicle", "trip")),
+        *(f"<routes{mark}</routes>" for mark in (' xmlns="x">', ' xmlns:a="x"><a:vType/>', '><include href="a.xml"/>')),
     ],
 )
 def test_vehicles_that_can_not_be_are_refused_in_one_line(routes, tmp_path):
