@@ -105,6 +105,7 @@ def test_connections_of_edges_that_do_not_meet_and_signals_that_stay_red_are_ref
         ("us101", 'approach_1" index="1"', 'approach_1" index="0"', "lane approach_1 has the index 0"),
         ("us101", r'( id="exit".*) x="(\S+)" y="(\S+)"', r'\1 x="\3" y="\2"', "edge outflow is far from its"),
         ("us101", "<net ", '<net lefthand="true" ', "lane approach_1 lies on the wrong side of the one before it"),
+        ("priority", "<net ", '<net lefthand="true" ', "traffic of most roads drives on the wrong side of"),
         ("us101", 'fromLane="0" toLane="0"', 'fromLane="0" toLane="3"', "connections from approach to upstream cross"),
         ("us101", 'incLanes="approach_0 ', 'incLanes="', "junction section_start names other lanes"),
         ("us101", '"M"', '"m"', "the states of 1 of 22 connections disagree"),
