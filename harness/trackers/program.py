@@ -152,8 +152,9 @@ def _tracks_of(answer: list[list[str]], scan: int) -> Tracks:
         raise ValueError(f"{_shown(answer[0])}, not tracks {scan} and how many")
     rows = answer[1:]
     for row in rows:
-        if len(row) != TRACK_WORDS or row[-1] not in TRACK_STATES:
-            raise ValueError(f"{_shown(row)}, not the {TRACK_WORDS} words of a track")
+        text = "".join(row)  # Python alone takes ``1_0`` or other scripts' digits
+        if len(row) != TRACK_WORDS or row[-1] not in TRACK_STATES or "_" in text or not text.isascii():
+            raise ValueError(f"{_shown(row)}, not the {TRACK_WORDS} words of a track, in ASCII without _")
     try:
         track_id = np.array([int(row[0]) for row in rows], dtype=np.int64)
         numbers = np.array([[float(word) for word in row[1:-1]] for row in rows]).reshape(len(rows), TRACK_WORDS - 2)
@@ -236,7 +237,7 @@ class _Program:
         words = self._read[:end].decode(errors="replace").split() or [""]
         count = 0
         if words[0] == "tracks":
-            if len(words) != 3 or not words[2].isdecimal() or len(words[2]) > 6:
+            if len(words) != 3 or not words[2].encode().isdigit() or len(words[2]) > 6:
                 raise RunError(f"{self.name}: it answered {_shown(words)}, not tracks, the scan and how many")
             count = int(words[2])
         if self._read.count(b"\n") <= count:

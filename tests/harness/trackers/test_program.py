@@ -72,6 +72,8 @@ AT_FIFTH = {
     "has a word too few": (r"say('tracks 5 1\n1 2 3 confirmed'); continue", "not the 11 words of a track"),
     "has an unknown state": (rf"say('tracks 5 1\n{TRACK[:-9]}sure'); continue", "not the 11 words of a track"),
     "has a word for a number": (rf"say('tracks 5 1\n{TRACK.replace('2', 'two')}'); continue", "not made of numbers"),
+    "has Python's digits": (rf"say('tracks 5 1\n{TRACK.replace('2', '2_0')}'); continue", "in ASCII without _"),
+    "counts in another script": (r"say('tracks 5 \u0661'); continue", "not tracks, the scan and how many"),
     "has a place that is nan": (rf"say('tracks 5 1\n{TRACK.replace('2', 'nan')}'); continue", "holds nan"),
     "has an identity twice": (rf"say('tracks 5 2\n{TRACK}\n{TRACK}'); continue", "two tracks have one identity"),
     "answers another scan": (r"say('tracks 4 0'); continue", "'tracks 4 0', not tracks 5 and how many"),
