@@ -131,14 +131,16 @@ def check_numbers(
 
 
 def check_columns(place: object, there: Collection[str], needed: Collection[str], fix: str = "add it") -> None:
-    """Refuse a table that lacks columns.
+    """Refuse a table that lacks columns, or has them twice, of which pandas calls the second ``NAME.1``.
 
     Raises:
-        InputError: It lacks one that is needed; the message names those.
+        InputError: It lacks some that are needed, or one is there twice; the message names them.
     """
-    if missing := [name for name in needed if name not in there]:
-        has = ", ".join(map(str, there))[:200]
-        raise InputError(f"{place}: it has no column {', '.join(missing)}, but {has}: {fix}")
+    names = list(map(str, there))
+    if missing := [name for name in needed if name not in names]:
+        raise InputError(f"{place}: it has no column {', '.join(missing)}, but {', '.join(names)[:200]}: {fix}")
+    if twice := [name for name in needed if names.count(name) > 1 or f"{name}.1" in names]:
+        raise InputError(f"{place}: the column {twice[0]} {TWICE}: remove one")
 
 
 def check_moves(

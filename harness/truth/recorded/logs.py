@@ -133,6 +133,7 @@ def _table(log: LogFile, path: Path) -> pd.DataFrame:
         rows = pd.read_parquet(path)
     else:
         rows = pd.read_csv(path, dtype=texts, keep_default_na=False, na_values=[""], skipinitialspace=True)
+    check_columns(path, rows.columns, rows.columns.intersection([*OF_THINGS, *OTHER_NAMES, *texts]))
     rows = rows.rename(columns={old: new for old, new in OTHER_NAMES.items() if old in rows and new not in rows})
     for name in rows.columns.intersection(list(texts)):
         rows[name] = rows[name].fillna("").astype(str)

@@ -55,7 +55,8 @@ def read_ngsim_csv(path: Path, net: str) -> ReadTraffic:
     with _text(path) as file:
         names = [name.strip().strip('"') for name in file.readline().split(",")]
     lower = {name.lower(): name for name in names}
-    check_columns(path, [*names, *(name for name in COLUMNS if name.lower() in lower)], COLUMNS)
+    known = {name.lower(): name for name in COLUMNS}
+    check_columns(path, [known.get(name.lower(), name) for name in names], COLUMNS)
     wanted = {name: lower[name.lower()] for name in COLUMNS}
     location = lower.get("location")
     table = _read_columns(path, wanted, location)

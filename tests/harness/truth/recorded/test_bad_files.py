@@ -132,6 +132,7 @@ NO_TRAFFIC: dict[str, Callable[[Path], object]] = {
     "fcd time in another script's digits": edited(write_fcd, r'time="0.00"', 'time="\u0660"', 1),
     "a size in Python's spelling": edited(write_commonroad, "<length>[^<]*</length>", "<length>1_0</length>", 1),
     "a time step in Python's spelling": edited(write_commonroad, 'timeStepSize="0.1"', 'timeStepSize="0_0.1"'),
+    "a column twice": edited(write_ngsim_csv, "Space_Headway", "Local_Y", 1),
     "fcd time nan": edited(write_fcd, r'time="[^"]*"', 'time="nan"', 1),
 }
 

@@ -55,6 +55,7 @@ def test_pandasets_vehicles_drive_where_their_cuboids_are(tmp_path):
     ("spoil", "said"),
     [
         (lambda text: text.replace("position.y", "y"), "it has no column position.y"),
+        (lambda text: text.replace("\n", ",yaw\n", 1), "the column yaw is there twice"),
         (lambda text: text.replace(",3.5,", ",far,", 1), "no table of PandaSet's cuboids"),
         (lambda text: text.replace(",3.5,", ",inf,", 1), "not finite"),
         (lambda text: text.replace(",3.5,", ",1e12,", 1), "is believed"),
