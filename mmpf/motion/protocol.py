@@ -256,7 +256,7 @@ def checked_step(
         if np.shape(values) != before.shape:
             shapes = f"{np.shape(values)}, not {before.shape}"
             raise ValueError(f"motion model {motion.name}: propagate returned {name} of shape {shapes}")
-    return moved[0], moved[1]
+    return np.require(moved[0], np.float64, ["C", "W"]), moved[1]  # what kernels are compiled for
 
 
 Step = Callable[[FloatArray, Surroundings, float, np.random.Generator], FloatArray]

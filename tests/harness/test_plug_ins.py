@@ -21,6 +21,7 @@ from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import TrackerSetting
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf import Memoryless, MixtureTracker, SensorModel, highway, motion_model, motion_models
+from mmpf.motion.protocol import checked_step
 from mmpf.registry import UnknownNameError
 from tests.harness.grid.test_cluster import dask_cluster
 from tests.harness.recorded_scene import write_recorded_scene
@@ -239,6 +240,13 @@ def test_a_motion_model_that_returns_nonsense_is_told_what_is_wrong_with_it(step
     with pytest.raises(ValueError, match=r"^motion model odd: propagate returned") as error:
         tracker.step(second.observation.scan)
     assert told in str(error.value)
+
+
+@pytest.mark.parametrize("laid_out", [np.asfortranarray, np.float32, lambda state: np.broadcast_to(state, state.shape)])
+def test_a_motion_model_may_return_numbers_of_any_kind_and_order(laid_out):
+    state = np.arange(12.0).reshape(6, 2)
+    moved, _ = checked_step(Memoryless("own", laid_out), (laid_out(state), state), state, state)
+    assert (moved.dtype, moved.flags.carray, moved.tolist()) == (np.float64, True, state.tolist())
 
 
 @pytest.mark.parametrize(
