@@ -183,15 +183,12 @@ class _Program:
         except (OSError, ValueError) as error:
             problem = error.strerror if isinstance(error, OSError) else str(error)
             raise InputError(f"`tracker` {name}: it can't be started ({problem}); for example exec:./tracker") from None
-        process = self._process
-        assert process.stdin is not None
-        assert process.stdout is not None
-        assert process.stderr is not None
-        self._in, self._out, self._err = process.stdin.fileno(), process.stdout.fileno(), process.stderr.fileno()
+        pipes = self._process.stdin, self._process.stdout, self._process.stderr
+        self._in, self._out, self._err = (pipe.fileno() for pipe in pipes if pipe is not None)
         for pipe in (self._in, self._out, self._err):
             os.set_blocking(pipe, False)
         self._read, self._stderr = bytearray(), bytearray()
-        weakref.finalize(self, _end, process)
+        weakref.finalize(self, _end, self._process)
 
     def ask(self, text: str, limit_s: float) -> list[list[str]]:
         """Write lines and return the answer's, word by word; a ``RunError`` where none comes."""

@@ -127,14 +127,14 @@ def _of_lanes(parts: NetParts) -> Iterator[str]:
                     yield f"lane {other[:60]} is {apart_m.min():.3g} to {apart_m.max():.3g} m from the one beside it"
                 if parts.side * left_m.mean() < 0.0:
                     yield f"lane {other[:60]} lies on the wrong side of the one before it: mirrored, or x and y swapped"
-    way, sides = {(its.get("from"), its.get("to")): edge for edge, its in parts.edges.items()}, list[bool]()
+    way, balance = {(its.get("from"), its.get("to")): edge for edge, its in parts.edges.items()}, 0.0
     for (start, end), edge in way.items():
         inner, oncoming = (f"{each}_{len(parts.order[each]) - 1}" for each in (edge, way.get((end, start), "")))
         if {inner, oncoming} <= parts.lanes.keys():
             apart_m, left_m = beside(parts.lanes[inner][0], parts.lanes[oncoming][0][::-1], PLACES)
             if 0.5 * USUAL_WIDTH_M < apart_m.max() < 2.0 * USUAL_WIDTH_M:
-                sides.append(bool(parts.side * left_m.mean() < 0.0))
-    if sides.count(True) > sides.count(False):  # on single roads it is meant, as where carriageways cross over
+                balance += parts.side * np.sign(left_m.mean())
+    if balance < 0.0:  # on single roads it is meant, as where carriageways cross over
         yield "traffic of most roads drives on the wrong side of what comes towards it: mirrored, or x and y swapped"
 
 

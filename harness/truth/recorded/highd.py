@@ -69,7 +69,6 @@ def read_highd(path: Path) -> ReadTraffic:
     if recording[MARKINGS[UPPER + LOWER - chosen]][0].as_py():
         _markings(recording, UPPER + LOWER - chosen, recording_file)
     on_carriageway = np.isin(columns["id"], identity[direction == chosen])
-    without_meta = len(np.setdiff1d(columns["id"], identity))
     names, vehicle = np.unique(columns["id"][on_carriageway].astype(np.int64), return_inverse=True)
     road, rows = _in_road_frame(
         {name: values[on_carriageway] for name, values in columns.items()},
@@ -80,7 +79,7 @@ def read_highd(path: Path) -> ReadTraffic:
     )
     left_out = {
         "on the other carriageway": int(np.sum(direction != chosen)),
-        "without meta data": without_meta,
+        "without meta data": len(np.setdiff1d(columns["id"], identity)),
         "without rows": len(np.setdiff1d(identity[direction == chosen], columns["id"])),
     }
     return ReadTraffic(road, names.astype(np.str_), rows, len(names) + sum(left_out.values()), left_out)

@@ -41,10 +41,8 @@ def own(folder: Path, options: str = "", additional: str | None = None, net: str
 
 def replaced(name: str, value: str) -> str:
     """Return the network with one attribute of its first lane changed."""
-    before, after = NET.split("<lane ", 1)
-    lane, rest = after.split(">", 1)
-    words = [word for word in lane.replace('"/', '" /').split('" ') if not word.startswith(f"{name}=")]
-    return f'{before}<lane {name}="{value}" ' + '" '.join(words) + ">" + rest
+    without = re.sub(rf'(<lane [^>]*) {name}="[^"]*"', r"\1", NET, count=1)
+    return without.replace("<lane ", f'<lane {name}="{value}" ', 1)
 
 
 @pytest.mark.parametrize(
