@@ -8,6 +8,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 from harness.common import exit_codes
+from harness.common.streams import streams_kept
 from harness.config.layers import merged
 from harness.config.options import Option
 from harness.trackers.catalogue import build_tracker
@@ -48,7 +49,8 @@ def command(options: Options) -> int:
     findings: dict[str, str] = {}
     for check in tracker_checks():
         try:
-            check(lambda setting, given: build_tracker(options["tracker"], setting, given), own)
+            with streams_kept():
+                check(lambda setting, given: build_tracker(options["tracker"], setting, given), own)
             findings[check.name] = ""
         except TrackerCheckError as finding:
             findings[check.name] = " ".join(str(finding).split())

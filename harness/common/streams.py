@@ -24,7 +24,7 @@ def open_missing_streams() -> None:
 
 @contextmanager
 def streams_kept() -> Iterator[None]:
-    """Put stdout and stderr back as they were, whatever is done to them in the block.
+    """Put stdout and stderr, and how deep calls may go, back as they were, whatever is done to them in the block.
 
     The block may lead their descriptors elsewhere: what was written before is flushed, and what it writes in it too.
     """
@@ -34,9 +34,11 @@ def streams_kept() -> Iterator[None]:
     ]
     for _, _, stream, _ in kept:
         _flush(stream)
+    deepest = sys.getrecursionlimit()
     try:
         yield
     finally:
+        sys.setrecursionlimit(max(deepest, sys.getrecursionlimit()))
         for number, name, stream, copy in kept:
             _flush(stream)
             with suppress(OSError):  # the copy was closed

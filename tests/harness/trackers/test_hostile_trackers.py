@@ -14,6 +14,7 @@ import pytest
 
 import harness
 from harness.commands.app import run_command_line
+from harness.trackers.conformance.checks import tracker_checks
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.test_plug_ins import install
 
@@ -55,12 +56,17 @@ def scene(tmp_path_factory):
     return write_recorded_scene(tmp_path_factory.mktemp("scenes") / "scene")
 
 
-def run_with(folder, scene, monkeypatch, step="pass", make="pass"):
+def run_with(folder, scene, monkeypatch, step="pass", make="pass", words=()):
     (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make=make))
     monkeypatch.syspath_prepend(folder)
     monkeypatch.delitem(sys.modules, "bad", raising=False)
-    words = ["run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", str(folder / "out")]
-    return run_command_line(words)
+    run = ["run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", str(folder / "out")]
+    return run_command_line([*words] or run)
+
+
+def test_a_tracker_that_takes_stdout_away_is_checked_to_the_end(tmp_path, scene, monkeypatch, capsys):
+    assert run_with(tmp_path, scene, monkeypatch, "sys.stdout = None", words=("check-tracker", "bad:make")) == 3
+    assert capsys.readouterr().out.count("\n") == len(tracker_checks())
 
 
 @pytest.mark.parametrize("step", STEPS)
@@ -77,6 +83,7 @@ def test_what_a_tracker_does_in_a_step_is_one_line_with_its_file_and_line(step, 
     ("where", "does"),
     [
         ("step", "os.close(1); os.closerange(60, 256)"),
+        ("step", "import inspect; sys.setrecursionlimit(len(inspect.stack(0)) + 9)"),
         pytest.param("make", "sys.stdout = sys.stderr = None", marks=pytest.mark.slow),
     ],
 )
