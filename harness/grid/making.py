@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from errno import ENOSPC
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -126,6 +128,8 @@ def make_rows(
         with progress_bar(title, left, user.quiet, before=f"{title}: loading, warming up traffic") as advance:
 
             def keep(key: str, row: Row) -> None:
+                if os.strerror(ENOSPC) in str(row["error"]):  # its row may find room, but tells nothing of the run
+                    raise OSError(ENOSPC, row["error"])
                 write_row(rows_folder, key, without_nan(row))
                 done[key] = row
                 advance()
