@@ -87,6 +87,10 @@ def test_the_command_names_the_page_and_its_size(tmp_path, capsys):
     answer = json.loads(capsys.readouterr().out)
     assert answer["page"] == str(folder / "report.html")
     assert 0.0 < answer["size_mb"] < 2.0
+    noted = json.loads((folder / "manifest.json").read_text()) | {"files_sha256": {"tracks.parquet": "0"}}
+    (folder / "manifest.json").write_text(json.dumps(noted))
+    assert run_command_line(["report", str(folder)]) == 0
+    assert "tracks.parquet was changed after it was written" in capsys.readouterr().err
 
 
 def test_a_page_that_finds_no_room_leaves_the_earlier_one(tmp_path, capsys, monkeypatch):
