@@ -46,17 +46,17 @@ def command(options: Options) -> int:
     """
     table: dict[str, Any] = merged(None, {}, options["settings"] or ())
     own = table.get("tracker", {}).get("options", {})
-    findings: dict[str, str] = {}
+    findings: dict[str, str | None] = {}
     for check in tracker_checks():
         try:
             with streams_kept():
                 check(lambda setting, given: build_tracker(options["tracker"], setting, given), own)
-            findings[check.name] = ""
+            findings[check.name] = None
         except TrackerCheckError as finding:
             findings[check.name] = " ".join(str(finding).split())
         if not options["json"]:
             told = f"failed: {findings[check.name]}" if findings[check.name] else "ok"
             typer.echo(f"{check.name.replace('_', ' ')}: {told}")
     if options["json"]:
-        typer.echo(json.dumps({name: finding or None for name, finding in findings.items()}, indent=1))
+        typer.echo(json.dumps(findings, indent=1))
     return exit_codes.RUN_FAILED if any(findings.values()) else exit_codes.DONE

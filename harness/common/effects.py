@@ -36,7 +36,8 @@ class Effect:
     @property
     def ci95(self) -> tuple[float, float]:
         """The 95 % interval; nan where the scatter is not known."""
-        half = _quantile(LEVEL, self.units) * self.se if np.isfinite(self.se) else np.nan
+        quantile = float(special.stdtrit(max(self.units - 1.0, 0.5), 1.0 - 0.5 * LEVEL))
+        half = quantile * self.se if np.isfinite(self.se) else np.nan
         return self.difference - half, self.difference + half
 
     @property
@@ -143,7 +144,3 @@ def _scatter(values: FloatArray, weight: FloatArray, stratum: IntArray, unit: In
     centre = np.where(number.min() > 1, mean[place], values @ weight / weight.sum())
     by_unit = np.bincount(unit, weights=weight * (values - centre))
     return float(np.sqrt(units / (units - 1.0) * (by_unit**2).sum())), float(units)
-
-
-def _quantile(level: float, units: float) -> float:
-    return float(special.stdtrit(max(units - 1.0, 0.5), 1.0 - 0.5 * level))

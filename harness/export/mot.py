@@ -69,9 +69,10 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         track_lines = _lines(
             sequence.track_step, sequence.track_identity, track_boxes, ["1,-1,-1,-1"] * len(track_boxes)
         )
+        info = f"[Sequence]\nname={name}\nframeRate={1.0 / run.step_s:g}\nseqLength={len(rows.time_s)}\n"
         files += [
             _written(folder / "gt" / name / "gt" / "gt.txt", truth_lines),
-            _written(folder / "gt" / name / "seqinfo.ini", _sequence_info(name, run.step_s, len(rows.time_s))),
+            _written(folder / "gt" / name / "seqinfo.ini", info),
             _written(folder / "trackers" / folder_name(run.config.tracker.name) / "data" / f"{name}.txt", track_lines),
         ]
     return files
@@ -96,10 +97,6 @@ def _lines(step: IntArray, identity: IntArray, boxes: FloatArray, ends: list[str
         f"{frame + 1},{number + 1},{box[0]:.4f},{box[1]:.4f},{box[2]:.4f},{box[3]:.4f},{end}\n"
         for frame, number, box, end in ordered
     )
-
-
-def _sequence_info(name: str, step_s: float, steps: int) -> str:
-    return f"[Sequence]\nname={name}\nframeRate={1.0 / step_s:g}\nseqLength={steps}\n"
 
 
 def _written(path: Path, text: str) -> Path:

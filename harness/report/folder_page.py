@@ -46,7 +46,8 @@ def write_page(folder: Path) -> Path:
     if not folder.is_dir():
         raise InputError(f"`folder`: there is no folder {folder}")
     with sound_tables(folder, "folder"):
-        if (folder / runfolder.TRUTH).is_file() or not _can_be_shown(folder):
+        can_be_shown = any(folder.glob("*.md")) or (folder / "runs.parquet").is_file() or any(_pictures(folder))
+        if (folder / runfolder.TRUTH).is_file() or not can_be_shown:
             return write_run_page(folder)
         text = folder_page(folder)
     page = page_of(folder)
@@ -60,7 +61,8 @@ def folder_page(folder: Path) -> str:
     texts = [read_text(path) for path in sorted(folder.glob("*.md"))]
     documents = {name: read_text(folder / name) for name in DOCUMENTS if (folder / name).is_file()}
     runs = runs_of(folder)
-    charts = {_chart_heading(axis): group for axis, group in runs.charts.items()} if runs is not None else {}
+    by_axis = {} if runs is None else runs.charts
+    charts = {"By network" if axis == AXIS_LABELS[NET] else f"Over {axis}": each for axis, each in by_axis.items()}
     return render(
         "folder.html.j2",
         title=title_of(texts) or folder.resolve().name,
@@ -81,10 +83,6 @@ def text_page(text: str, charts: Mapping[str, Charts] | None = None) -> str:
     nothing: dict[str, Any] = {"figures": [], "tables": {}, "documents": {}, "runs": None, "verdicts": ""}
     parts = chart_parts(list(charts.values()))
     return render("folder.html.j2", title=title, text=as_html(text), charts=charts, **nothing, **parts)
-
-
-def _can_be_shown(folder: Path) -> bool:
-    return any(folder.glob("*.md")) or (folder / "runs.parquet").is_file() or any(_pictures(folder))
 
 
 def _pictures(folder: Path) -> Iterable[Path]:
@@ -134,10 +132,6 @@ def _style_cells(tokens: Sequence[Token]) -> None:
         if found := INTERVAL.fullmatch(content.content):
             below = f"{found[1]}<br><span class='interval-cell'>{found[2]}</span>"
             content.children = [Token("html_inline", "", 0, content=below)]
-
-
-def _chart_heading(axis: str) -> str:
-    return "By network" if axis == AXIS_LABELS[NET] else f"Over {axis}"
 
 
 def _figures(folder: Path, without: str | None = None) -> list[PageFigure]:

@@ -59,20 +59,16 @@ def _tables(rows: Sequence[Row], lateral: bool) -> list[str]:
     heads = ["mean" if horizon is None else f"{horizon:g} s" for horizon in horizons]
 
     def table(heading: str, cell: Callable[[Row], str]) -> list[str]:
-        lines = [
-            [by_key[model, horizon] for horizon in horizons] for model in dict.fromkeys(row["model"] for row in rows)
-        ]
-        return markdown_table([heading, *heads], ([_named(line[0]), *map(cell, line)] for line in lines))
+        labels = {row["model"]: row["label"] for row in rows}
+        named = {model: model if label == "rival" else f"**{model}** ({label})" for model, label in labels.items()}
+        lines = ([name, *(cell(by_key[model, horizon]) for horizon in horizons)] for model, name in named.items())
+        return markdown_table([heading, *heads], lines)
 
     lines: list[str] = []
     for quantity, label in (QUANTITIES | (LATERAL_QUANTITIES if lateral else {})).items():
         lines += [*table(f"MAE of {label}", partial(error_cell, quantity=quantity)), ""]
     heading = "position: coverage of the 95 % interval; CRPS, m"
     return [*lines, *table(heading, lambda row: f"{100 * row['coverage95_lon_m']:.0f} %; {row['crps_lon_m']:.2f}")]
-
-
-def _named(row: Row) -> str:
-    return row["model"] if row["label"] == "rival" else f"**{row['model']}** ({row['label']})"
 
 
 def error_cell(row: Row, quantity: str) -> str:

@@ -19,7 +19,7 @@ def test_the_chosen_pairs_have_the_greatest_sum_that_any_one_to_one_choice_has(s
     left, right = left[order], right[order]
     score = rng.uniform(0.01, 1.0, len(left))
     chosen = best_assignment(left, right, score)
-    assert is_one_to_one(left, right, chosen)
+    assert len(set(left[chosen])) == chosen.sum() == len(set(right[chosen])), "one to one"
     assert score[chosen].sum() == pytest.approx(best_sum(left, right, score, lefts, rights))
 
 
@@ -39,10 +39,6 @@ def test_separate_problems_are_solved_as_if_each_stood_alone():
 def test_no_pairs_give_no_assignment():
     none = np.zeros(0, dtype=np.int64)
     assert len(best_assignment(none, none, np.zeros(0))) == 0
-
-
-def is_one_to_one(left, right, chosen):
-    return len(set(left[chosen])) == chosen.sum() == len(set(right[chosen]))
 
 
 def best_sum(left, right, score, lefts, rights):

@@ -26,10 +26,6 @@ class Sabotaged:
         return self.spoil_tracks(self.oracle.step_associated(self.spoil_scan(scan), truth_id))
 
 
-def sabotage(**faults: Callable):
-    return lambda setting, options: Sabotaged(setting, options, **faults)
-
-
 def overwrite_first_position(scan):
     scan.detections.lon_m[:1] += 1e-9
     return scan
@@ -93,7 +89,7 @@ def number_by_chance() -> Callable[[Tracks], Tracks]:
 def test_a_fault_is_found_by_the_check_for_it(check: str, faults: dict[str, Callable]):
     chosen = next(candidate for candidate in tracker_checks() if candidate.name == check)
     with pytest.raises(TrackerCheckError):
-        chosen(sabotage(**faults))
+        chosen(lambda setting, options: Sabotaged(setting, options, **faults))
 
 
 class Forgetful:
