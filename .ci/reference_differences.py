@@ -103,7 +103,7 @@ def row_differences(committed: Path, remade: Path) -> tuple[list[Difference], in
 def _rows(path: Path) -> dict[str, dict[str, Any]]:
     """Return the rows of a table by what they are runs of."""
     rows = pd.read_parquet(path)
-    keys = rows[[key for key in KEYS if key in rows]].astype(str).agg(" ".join, axis=1)
+    keys = rows[[key for key in KEYS if key in rows]].astype(object).fillna("-").map(str).agg(" ".join, axis=1)
     if not keys.is_unique:
         raise InputError(f"`confirm`: {path} has two rows of one run; make the whole table again")
     return dict(zip(keys, rows.to_dict("records"), strict=True))

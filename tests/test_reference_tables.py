@@ -175,23 +175,21 @@ def test_a_table_that_older_code_made_is_named_with_what_changed(tree: Path) -> 
 
 
 def test_a_table_of_which_some_runs_are_made_again_and_the_same_is_of_the_present_code(tree: Path) -> None:
-    def runs(hotas: list[float]) -> Callable[[list[str], Path], None]:
+    def runs(*hotas: float) -> Callable[[list[str], Path], None]:
         def make(words: list[str], out: Path) -> None:
             out.mkdir(parents=True, exist_ok=True)
-            seeds = range(1 if "1" in words else 2)
-            rows = {"variant": "a", "seed": list(seeds), "mot.hota": hotas[: len(seeds)], "timing.x": id(words)}
-            pd.DataFrame(rows).to_parquet(out / "runs.parquet")
+            rows = {"demand": None, "seed": range(len(hotas)), "mot.hota": hotas, "timing.x": id(words)}
+            pd.DataFrame(rows).head(1 if "1" in words else 2).to_parquet(out / "runs.parquet")
 
         return make
 
     two_runs = Reference("table", "A table.", ("stress",), some=("--seeds", "1"))
-    manifest = make_reference(two_runs, tree, runs([80.0, 90.0])) / "manifest.json"
+    manifest = make_reference(two_runs, tree, runs(80.0, 90.0)) / "manifest.json"
     git(tree, "add", "-A")
     git(tree, "commit", "-qm", "2")
-    older = json.loads(manifest.read_text()) | {"code_sha256": {"mmpf": "0"}}
-    manifest.write_text(json.dumps(older))
-    assert confirm(two_runs, tree, runs([81.0, 90.0]))
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"code_sha256": {"mmpf": "0"}}))
+    assert confirm(two_runs, tree, runs(81.0, 90.0))
     assert "mmpf" in stale_parts(two_runs, tree)
-    assert not confirm(two_runs, tree, runs([80.0, 0.0]))
+    assert not confirm(two_runs, tree, runs(80.0, 0.0))
     assert not stale_parts(two_runs, tree)
     assert json.loads(manifest.read_text())["confirmed"]["runs_made_again"] == 1
