@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import sys
 from array import array
 from collections.abc import Callable, MutableSequence, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -20,6 +22,7 @@ from harness.sensor.observation import Snapshot
 from harness.trackers.protocol import AnyTracker, TrackerSetting, step_tracker
 from harness.trackers.wellformed import blamed_on, described, fault_of, is_own
 from harness.truth.frame import OPEN
+from mmpf.numerics.arrays import Rows
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 
@@ -142,6 +145,7 @@ class _EpisodeTrackers:
 
     def _compile_once(self, snapshot: Snapshot) -> None:
         """Step a tracker that is thrown away, so that compiling kernels counts in no measured step."""
+        keep_freed_memory()  # the fork that makes snapshots has taken the huge pages apart
         rehearsal = self._fresh_tracker(np.random.SeedSequence(0))
         for step in range(3):
             told = self._told(snapshot)
@@ -155,41 +159,39 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
     """Return a scan whose detections report that many times the deviations."""
     if noise_factor == 1.0:
         return scan
-    detections = scan.detections
-    sizes = detections.sizes
-    if sizes is not None:
-        sizes = replace(
-            sizes,
-            std_length_m=noise_factor * sizes.std_length_m,
-            std_width_m=noise_factor * sizes.std_width_m,
-        )
-    believed = replace(
-        detections,
-        std_lon_m=noise_factor * detections.std_lon_m,
-        std_lat_m=noise_factor * detections.std_lat_m,
-        std_speed_mps=noise_factor * detections.std_speed_mps,
-        sizes=sizes,
-    )
-    return replace(scan, detections=believed)
+
+    def noisier(rows: Rows, *names: str) -> Rows:
+        return replace(rows, **{name: noise_factor * getattr(rows, name) for name in names})
+
+    detections = noisier(scan.detections, "std_lon_m", "std_lat_m", "std_speed_mps")
+    if detections.sizes is not None:
+        detections = replace(detections, sizes=noisier(detections.sizes, "std_length_m", "std_width_m"))
+    return replace(scan, detections=detections)
 
 
 TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = -1, -2, -3
 LARGEST_ALLOWED_BYTES = 32 * 2**20
 NEVER_BYTES = 2**31 - 1
-PAD_BYTES = 64 * 2**20
+PAD_BYTES = 128 * 2**20
+IN_HUGE_PAGES, AT_ONCE = 14, 25
+"""Linux' MADV_HUGEPAGE and MADV_COLLAPSE."""
 
 
 def keep_freed_memory() -> None:
-    """Tell glibc's allocator to keep freed memory and to serve large arrays from it.
+    """Tell glibc's allocator to keep freed memory and to serve large arrays from it, and Linux to use huge pages.
 
     Each step of a tracker lets go of arrays as large as the next step asks for. Handed back to the system, they cost a
-    page fault for every 4 KiB when they come back: about a tenth of a step. Other allocators are left as they are.
+    page fault for every 4 KiB when they come back: about a tenth of a step. In pages of 2 MiB the processor finds all
+    objects sooner: 2 % of a step. Other allocators are left as they are.
     """
-    if sys.platform != "linux":
+    libc = ctypes.CDLL(None)
+    if sys.platform != "linux" or not hasattr(libc, "mallopt"):
         return
-    set_option = getattr(ctypes.CDLL(None), "mallopt", None)
-    if set_option is None:
-        return
-    set_option(MMAP_THRESHOLD, LARGEST_ALLOWED_BYTES)
-    set_option(TRIM_THRESHOLD, NEVER_BYTES)
-    set_option(TOP_PAD, PAD_BYTES)
+    for option, value in ((MMAP_THRESHOLD, LARGEST_ALLOWED_BYTES), (TRIM_THRESHOLD, NEVER_BYTES), (TOP_PAD, PAD_BYTES)):
+        libc.mallopt(option, value)
+    # An array that is larger than what is free has the heap grow by itself and the pad; nothing is written to either.
+    np.empty(LARGEST_ALLOWED_BYTES // 2, dtype=np.uint8)
+    for heap in re.findall(rb"(?m)^(\w+)-(\w+) .*\[heap\]$", Path("/proc/self/maps").read_bytes()):
+        begin, end = (int(address, 16) for address in heap)
+        for advice in (IN_HUGE_PAGES, AT_ONCE):
+            libc.madvise(ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), advice)
