@@ -16,7 +16,7 @@ from harness.common.errors import InputError
 TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
 LATER = (", decisions.", ", conflicts.")
 """Columns of metrics that came after most references were made."""
-TABLE, NUMBERS = "runs.parquet", ("results.json", "fidelity.json")
+TABLE, NUMBERS = "runs.parquet", "results.json"
 KEYS = ("net", "density", "demand", "mismatch", "variant", "model", "update", "seed", "episode.kind")
 """Columns that say which run a row is of."""
 WORLD = (
@@ -65,7 +65,7 @@ def differences(committed: Path, remade: Path, world_only: bool = False) -> list
     Raises:
         InputError: The committed one has no table.
     """
-    names = [name for name in (TABLE, *NUMBERS) if (committed / name).is_file()]
+    names = [name for name in (TABLE, NUMBERS) if (committed / name).is_file()]
     if not names:
         raise InputError(f"`name`: {committed} has no table to check; make the reference first")
     return [
