@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-import re
 import sys
 from array import array
 from collections.abc import Callable, MutableSequence, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -145,7 +143,6 @@ class _EpisodeTrackers:
 
     def _compile_once(self, snapshot: Snapshot) -> None:
         """Step a tracker that is thrown away, so that compiling kernels counts in no measured step."""
-        keep_freed_memory()  # the fork that makes snapshots has taken the huge pages apart
         rehearsal = self._fresh_tracker(np.random.SeedSequence(0))
         for step in range(3):
             told = self._told(snapshot)
@@ -172,26 +169,20 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
 TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = -1, -2, -3
 LARGEST_ALLOWED_BYTES = 32 * 2**20
 NEVER_BYTES = 2**31 - 1
-PAD_BYTES = 128 * 2**20
-IN_HUGE_PAGES, AT_ONCE = 14, 25
-"""Linux' MADV_HUGEPAGE and MADV_COLLAPSE."""
+PAD_BYTES = 64 * 2**20
 
 
 def keep_freed_memory() -> None:
-    """Tell glibc's allocator to keep freed memory and to serve large arrays from it, and Linux to use huge pages.
+    """Tell glibc's allocator to keep freed memory and to serve large arrays from it.
 
     Each step of a tracker lets go of arrays as large as the next step asks for. Handed back to the system, they cost a
-    page fault for every 4 KiB when they come back: about a tenth of a step. In pages of 2 MiB the processor finds all
-    objects sooner: 2 % of a step. Other allocators are left as they are.
+    page fault for every 4 KiB when they come back: about a tenth of a step. Other allocators are left as they are.
     """
-    libc = ctypes.CDLL(None)
-    if sys.platform != "linux" or not hasattr(libc, "mallopt"):
+    if sys.platform != "linux":
         return
-    for option, value in ((MMAP_THRESHOLD, LARGEST_ALLOWED_BYTES), (TRIM_THRESHOLD, NEVER_BYTES), (TOP_PAD, PAD_BYTES)):
-        libc.mallopt(option, value)
-    # An array that is larger than what is free has the heap grow by itself and the pad; nothing is written to either.
-    np.empty(LARGEST_ALLOWED_BYTES // 2, dtype=np.uint8)
-    for heap in re.findall(rb"(?m)^(\w+)-(\w+) .*\[heap\]$", Path("/proc/self/maps").read_bytes()):
-        begin, end = (int(address, 16) for address in heap)
-        for advice in (IN_HUGE_PAGES, AT_ONCE):
-            libc.madvise(ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), advice)
+    set_option = getattr(ctypes.CDLL(None), "mallopt", None)
+    if set_option is None:
+        return
+    set_option(MMAP_THRESHOLD, LARGEST_ALLOWED_BYTES)
+    set_option(TRIM_THRESHOLD, NEVER_BYTES)
+    set_option(TOP_PAD, PAD_BYTES)
