@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,9 @@ TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
 LATER = (", decisions.", ", conflicts.")
 """Columns of metrics that came after most references were made."""
 TABLE, NUMBERS = "runs.parquet", "results.json"
-KEYS = ("net", "density", "demand", "mismatch", "variant", "model", "update", "seed", "episode.kind")
-"""Columns that say which run a row is of."""
+SETTING = ("net", "density", "demand", "mismatch", "variant", "model", "update")
+RUN = (*SETTING, "seed", "episode.kind")
+"""Columns that say of which setting, and of which run of it, a row is."""
 WORLD = (
     "net",
     "density",
@@ -76,37 +77,40 @@ def differences(committed: Path, remade: Path, world_only: bool = False) -> list
     ]
 
 
-def row_differences(committed: Path, remade: Path) -> tuple[list[Difference], int]:
-    """Return every value in which runs made again differ from the committed ones, and how many runs were made again.
+def row_differences(committed: Path, remade: Path) -> list[Difference]:
+    """Return every value in which runs made again differ from the committed ones.
 
     Args:
         committed: Folder of the whole reference.
         remade: Folder with some of its runs.
 
     Raises:
-        InputError: A run is not one of the committed ones, or there is none.
+        InputError: The committed one has no table of runs, or one that was not made again or has a run twice; a setting
+            has no run among those made again; or one of these is not among the committed ones.
     """
-    found, runs = list[Difference](), 0
-    for path in sorted(remade.rglob(TABLE)):
-        name = path.relative_to(remade)
-        whole, part = (_rows(folder / name) for folder in (committed, remade))
-        runs += len(part)
-        for key, row in part.items():
-            if key not in whole:
-                raise InputError(f"`confirm`: {name} has no run {key}; make the whole table again")
-            found += [Difference(f"{name}, {key}, {place}", *values) for place, values in _differing(whole[key], row)]
-    if not runs:
-        raise InputError(f"`confirm`: {remade} has no run; make the whole table again")
-    return found, runs
+    found, tables = list[Difference](), sorted(committed.rglob(TABLE))
+    if not tables:
+        raise InputError(f"`confirm`: {committed} has no {TABLE}; make the whole table again")
+    for path in tables:
+        name = path.relative_to(committed)
+        if not (remade / name).is_file():
+            raise InputError(f"`confirm`: {name} was not made again; make the whole table again")
+        whole, part = (pd.read_parquet(folder / name) for folder in (committed, remade))
+        if lacking := set(_names(whole, SETTING)) - set(_names(part, SETTING)):
+            raise InputError(f"`confirm`: {name} has no run of {min(lacking)} made again; make the whole table again")
+        rows = dict(zip(_names(whole, RUN), whole.to_dict("records"), strict=True))
+        if len(rows) < len(whole):
+            raise InputError(f"`confirm`: {path} has two rows of one run; make the whole table again")
+        for run, row in zip(_names(part, RUN), part.to_dict("records"), strict=True):
+            if run not in rows:
+                raise InputError(f"`confirm`: {name} has no run {run}; make the whole table again")
+            found += [Difference(f"{name}, {run}, {place}", *values) for place, values in _differing(rows[run], row)]
+    return found
 
 
-def _rows(path: Path) -> dict[str, dict[str, Any]]:
-    """Return the rows of a table by what they are runs of."""
-    rows = pd.read_parquet(path)
-    keys = rows[[key for key in KEYS if key in rows]].astype(object).fillna("-").map(str).agg(" ".join, axis=1)
-    if not keys.is_unique:
-        raise InputError(f"`confirm`: {path} has two rows of one run; make the whole table again")
-    return dict(zip(keys, rows.to_dict("records"), strict=True))
+def _names(runs: pd.DataFrame, columns: Sequence[str]) -> pd.Series:
+    """Return what the columns say of each run, as one text."""
+    return runs[[name for name in columns if name in runs]].astype(object).fillna("-").map(str).agg(" ".join, axis=1)
 
 
 def _read(path: Path) -> dict[str, Any]:

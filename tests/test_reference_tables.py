@@ -175,10 +175,10 @@ def test_a_table_that_older_code_made_is_named_with_what_changed(tree: Path) -> 
 
 
 def test_a_table_of_which_some_runs_are_made_again_and_the_same_is_of_the_present_code(tree: Path) -> None:
-    def runs(*hotas: float) -> Callable[[list[str], Path], None]:
+    def runs(*hotas: float, net: str = "9") -> Callable[[list[str], Path], None]:
         def make(words: list[str], out: Path) -> None:
             out.mkdir(parents=True, exist_ok=True)
-            rows = {"demand": None, "seed": range(len(hotas)), "mot.hota": hotas, "timing.x": id(words)}
+            rows = {"net": net, "demand": None, "seed": range(len(hotas)), "mot.hota": hotas, "timing.x": id(words)}
             pd.DataFrame(rows).head(1 if "1" in words else 2).to_parquet(out / "runs.parquet")
 
         return make
@@ -189,6 +189,8 @@ def test_a_table_of_which_some_runs_are_made_again_and_the_same_is_of_the_presen
     git(tree, "commit", "-qm", "2")
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"code_sha256": {"mmpf": "0"}}))
     assert confirm(two_runs, tree, runs(81.0, 90.0))
+    with pytest.raises(InputError, match="has no run of 9 - made again"):
+        confirm(two_runs, tree, runs(80.0, 90.0, net="8"))
     assert "mmpf" in stale_parts(two_runs, tree)
     assert not confirm(two_runs, tree, runs(80.0, 0.0))
     assert not stale_parts(two_runs, tree)
