@@ -63,8 +63,9 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
     if layout.paired:
         known_a = known_b = known_a & known_b
     a, b = arms.a[known_a], arms.b[known_b]
-    if arms.totals is not None:
-        a, b = _in_proportion(a, arms.totals[0][known_a]), _in_proportion(b, arms.totals[1][known_b])
+    totals = () if arms.totals is None else (arms.totals[0][known_a], arms.totals[1][known_b])
+    if totals and all(total.sum() > 0.0 for total in totals):  # older rows lack the totals
+        a, b = _in_proportion(a, totals[0]), _in_proportion(b, totals[1])
     strata, units = ((pair[0][known_a], pair[1][known_b]) for pair in (layout.strata, layout.units))
     effect = paired_effect(a, b, strata[0], units[0]) if layout.paired else unpaired_effect(a, b, strata, units)
     return MetricDifference(
@@ -98,8 +99,6 @@ def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0
 
 def _in_proportion(ratios: FloatArray, totals: FloatArray) -> FloatArray:
     """Return values, shape (n,), of which the mean is the ratio of all totals, and the scatter that of this ratio."""
-    if not len(ratios) or not totals.sum() > 0.0:  # older rows lack the totals
-        return ratios
     together = (ratios * totals).sum() / totals.sum()
     return np.asarray(together + (ratios - together) * totals / totals.mean())
 

@@ -151,8 +151,8 @@ def test_compared_ratios_have_the_mean_of_sums_and_a_ratios_scatter_over_the_pai
     assert (told.a, told.b, told.pairs) == (1.5, pytest.approx((4.0 + 2.0 + 3.0) / 12.0), 3)
     residuals = (ratios[:3] * totals[:3] - 0.75 * totals[:3]) / 12.0
     assert told.effect.se == pytest.approx(np.sqrt(3 / 2 * (residuals**2).sum()))
-    older = measure(Arms("x", ERROR, a, ratios, layout(4), (totals_a, np.full(4, NAN))))
-    assert older.b == pytest.approx(3.5 / 3)
+    older = measure(Arms("x", ERROR, ratios, ratios, layout(4), (totals, np.full(4, NAN))))
+    assert older.a == older.b == pytest.approx(12.5 / 4)
 
 
 def test_no_value_may_be_lost_unless_a_share_is_tolerated():
