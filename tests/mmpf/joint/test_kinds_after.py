@@ -62,11 +62,7 @@ def seen_as(claimed: float, in_shadow: float = IN_VIEW, run: float = 0.0, count:
 
 
 def scanned(
-    mixture: Mixture,
-    sightings: Sightings,
-    options: FilterOptions = OPTIONS,
-    dt_s: float = DT_S,
-    was_seen: bool = True,
+    mixture: Mixture, sightings: Sightings, options: FilterOptions = OPTIONS, dt_s: float = DT_S, was_seen: bool = True
 ) -> Mixture:
     """Return the belief after a scan; the particles stay where they are."""
     situation = replace(situation_with([]), dt_s=dt_s)

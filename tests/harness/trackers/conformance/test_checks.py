@@ -45,6 +45,10 @@ def round_up_sizes(scan):
     return replace(scan, detections=replace(scan.detections, sizes=replace(sizes, **columns)))
 
 
+def rely_on_sizes(scan):
+    return scan if scan.detections.sizes.length_m.all() else None
+
+
 def clean_up(scan):
     detections = scan.detections
     finite = np.isfinite(detections.lon_m[: len(detections.lat_m)]) & np.isfinite(detections.lat_m)
@@ -54,6 +58,10 @@ def clean_up(scan):
 
 def with_column(name: str, change: Callable) -> Callable[[Tracks], Tracks]:
     return lambda tracks: replace(tracks, **{name: change(getattr(tracks, name))})
+
+
+def draw_from_the_global_generator(tracks: Tracks) -> Tracks:
+    return replace(tracks, lon_m=tracks.lon_m + 1e-6 * np.random.random(len(tracks)))  # noqa: NPY002
 
 
 def number_by_chance() -> Callable[[Tracks], Tracks]:
@@ -77,10 +85,10 @@ def number_by_chance() -> Callable[[Tracks], Tracks]:
         ("identities_stay_on_a_bend", {"spoil_tracks": with_column("lat_m", lambda lat: lat * 0.0)}),
         ("identities_stay_at_a_crossing", {"spoil_tracks": with_column("lat_m", lambda lat: lat * 0.0)}),
         ("identities_are_never_used_again", {"spoil_tracks": with_column("track_id", lambda ids: np.arange(len(ids)))}),
-        ("equal_seeds_give_equal_tracks", {"spoil_tracks": with_column("lon_m", lambda lon: lon + np.random.random())}),  # noqa: NPY002
+        ("equal_seeds_give_equal_tracks", {"spoil_tracks": draw_from_the_global_generator}),
         ("scans_are_left_as_they_were", {"spoil_scan": overwrite_first_position}),
         ("scans_are_left_as_they_were", {"spoil_scan": overwrite_first_length}),
-        ("sizes_need_not_be_measured", {"spoil_scan": lambda scan: [scan][not scan.detections.sizes.length_m.all()]}),
+        ("sizes_need_not_be_measured", {"spoil_scan": rely_on_sizes}),
         ("500_detections", {"spoil_scan": lambda scan: [scan][len(scan.detections) // 400]}),
         ("impossible_detections_are_refused", {"spoil_scan": clean_up}),
         ("impossible_detections_are_refused", {"spoil_scan": round_up_sizes}),

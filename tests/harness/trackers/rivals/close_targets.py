@@ -11,13 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from harness.trackers.kalman import (
-    LAT,
-    LON,
-    GaussianStates,
-    predict_constant_velocity,
-    update_variable,
-)
+from harness.trackers.kalman import LAT, LON, GaussianStates, predict_constant_velocity, update_variable
 from harness.trackers.rivals.gaussian import pairs_of
 from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.pmbm.clusters import HypothesisLimits
