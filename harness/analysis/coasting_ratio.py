@@ -61,7 +61,7 @@ def kinds_hidden_on_purpose(runs: pd.DataFrame) -> list[str]:
 
 
 def with_ratios(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return the runs with each one's ratio to coasting, and constant velocity's summed error that ratios weigh by.
+    """Return the runs with each one's ratio to coasting, and the ratio's weight: the summed error of constant velocity.
 
     So weighed, the mean of the ratios over runs is the ratio of all errors together. Of vehicles hidden on purpose the
     number of followed windows comes too.

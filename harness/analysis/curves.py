@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 Ratio = tuple[float | None, tuple[float, float] | None]
+"""A ratio, None without a sample, and its 95 % interval, None without a scatter."""
 DRAWS = 2000
 BREAK_PERCENT = 50.0
 BREAK_METRIC = "occlusion.same_id"

@@ -118,19 +118,19 @@ def _steps(errors: pd.DataFrame) -> pd.DataFrame:
     """Return each vehicle-step with the distance of its own track, nan without one, and its hidden cost."""
     tracked = (errors["outcome"].astype(object) == "tracked").to_numpy()
     hidden = (errors["state"].astype(object) == HIDDEN).to_numpy()
-    away_m = np.where(tracked, np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m")), np.nan)
-    cost_m = np.where(hidden, np.fmin(away_m, FOLLOW_CUTOFF_M), 0.0)
+    off_m = np.where(tracked, np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m")), np.nan)
+    cost_m = np.where(hidden, np.fmin(off_m, FOLLOW_CUTOFF_M), 0.0)
     columns = {"vehicle": errors["vehicle_id"].astype(object), "time_s": floats(errors, "time_s")}
-    return pd.DataFrame({**columns, "hidden": hidden, "away_m": away_m, "cost_m": cost_m})
+    return pd.DataFrame({**columns, "hidden": hidden, "off_m": off_m, "cost_m": cost_m})
 
 
 def _vehicle_cells(name: str, steps: pd.DataFrame, step_s: float) -> list[str | Markup]:
     """Return the cells of a vehicle up to its cost, the first of which leads to its worst moment."""
     hidden, seen = steps[steps["hidden"]], steps[~steps["hidden"]]
     # The worst is where it first costs most; of a vehicle that was never hidden, where it is farthest off.
-    worst = int(np.argmax(steps["cost_m"] if len(hidden) else steps["away_m"].fillna(0.0)))
+    worst = int(np.argmax(steps["cost_m"] if len(hidden) else steps["off_m"].fillna(0.0)))
     address = f"#t={steps['time_s'].iloc[worst]:.1f}&vehicle={quote(name)}"
     link = Markup("<a href='{}'>{}</a>").format(address, name)
     times_s = [f"{step_s * len(part):.1f}" for part in (seen, hidden)]
-    away = [(number(100.0 * m.notna().mean(), 0), number(m.mean(), 2)) for m in (seen["away_m"], hidden["away_m"])]
-    return [link, *times_s, *away[0], *away[1], number(hidden["cost_m"].mean(), 2)]
+    off = [(number(100.0 * part.off_m.notna().mean(), 0), number(part.off_m.mean(), 2)) for part in (seen, hidden)]
+    return [link, *times_s, *off[0], *off[1], number(hidden["cost_m"].mean(), 2)]
