@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from harness.scoring.metrics.pseudo_occlusion import NAME, SITUATIONS, USUAL_S
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 COASTING_TRACKER = "oracle-kalman"
 HIDDEN, TWO_TO_THREE_S = "against_coasting.hidden.", "against_coasting.by_seconds_hidden.2."

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
 from harness.analysis.coasting_ratio import RATIO_TOTALS, with_ratios
@@ -33,10 +34,6 @@ from harness.common.numbers import without_nan
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from harness.analysis import coasting_ratio
 from harness.common.intervals import NONNEGATIVE, Possible, possible_ci
@@ -15,10 +16,6 @@ from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import MODEL_FILE, NET
 from mmpf.numerics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 Ratio = tuple[float | None, tuple[float, float] | None]
 """A ratio, None without a sample, and its 95 % interval, None without a scatter."""

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from harness.config.layers import config_from_table, leaves, merged
 from harness.config.model import RunConfig, TrackerConfig
 from harness.storage.grid_rows import column_of
 from harness.storage.manifest import CODE, INPUTS
 from mmpf.numerics.arrays import BoolArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WORLD = (
     *("traffic.mean_speed_mps", "traffic.flow_veh_per_h", "traffic.vehicles_in_range", "coverage.detected"),

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from harness.common.effects import Effect, paired_effect
 from harness.scoring.metrics.quantity import Quantity
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_SETTINGS = 2
 """Of more settings the least and the largest lead are told."""

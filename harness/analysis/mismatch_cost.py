@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from harness.common.intervals import ANY, Possible, possible_ci
 from harness.common.markdown import markdown_table
 from harness.config.model import TrafficConfig
 from harness.storage.schema import AS_IS, DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from mmpf.options.base import fields_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 NAN = float("nan")
 TRAFFIC_SETTINGS = {f"traffic.{key}" for key, _ in fields_of(TrafficConfig)}

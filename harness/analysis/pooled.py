@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from harness.analysis.coasting_ratio import kinds_hidden_on_purpose, on_purpose, with_ratios
 from harness.analysis.curves import Ratio, labelled, ratio_of, summed_by, sums_and_weights
@@ -15,10 +16,6 @@ from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
 from harness.storage.schema import RECORDING
 from mmpf.numerics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # What the scores are called in the file: the headline of hidden vehicles, multi-object scores, errors, the rest.
 POOLED = {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from harness.analysis.arms import lost_values
 from harness.analysis.sources import Source
@@ -33,9 +33,6 @@ from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COMPARE = "compare"
 TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)

@@ -5,17 +5,13 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curves import BREAK_PERCENT, FEWEST_EVENTS, Break, Point, curve_quantities, table_quantities
+from harness.analysis.pooled import Mean
 from harness.common.markdown import markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import NET
-
-if TYPE_CHECKING:
-    from harness.analysis.pooled import Mean
-
 
 NAMES = {NET: "network"}
 

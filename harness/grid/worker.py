@@ -23,10 +23,11 @@ from itertools import pairwise
 from multiprocessing.connection import Connection
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.config.model import RunConfig, TrafficConfig
@@ -44,10 +45,6 @@ from harness.storage.schema import HIDDEN, VISIBILITY_STATES
 from harness.trackers.catalogue import build_tracker
 from harness.truth.frame import Frame, TruthSource
 from harness.truth.network.network import Network
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 CELL, RUN, STEPPING = "cell", "run", "stepping"
 

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from harness.common.numbers import without_nan
 from harness.common.signals import signals_held
@@ -29,9 +30,6 @@ from harness.scoring.score import RunScorer
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from mmpf.map.road import Road
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Keeper = DiagnosticsKeeper | ParticleKeeper | UnseenKeeper
 

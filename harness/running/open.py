@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from harness.storage import run_folder as runfolder
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource
-from harness.truth.network.network import load_network
+from harness.truth.network.network import Network, load_network
 from harness.truth.recorded.detected.source import open_drives
 from harness.truth.recorded.formats import (
     BAG,
@@ -47,10 +46,6 @@ from mmpf.map.lane_graph import without_map
 from mmpf.map.road import Lane, Road
 from mmpf.registry import UnknownNameError
 
-if TYPE_CHECKING:
-    from harness.truth.network.network import Network
-
-
 OpenSnapshots = Callable[[RunConfig], SnapshotStream]
 
 
@@ -67,7 +62,7 @@ def simulate(network: Network, traffic: TrafficConfig, seed: int, reach_m: float
     )
 
 
-Simulate = Callable[["Network", TrafficConfig, int, float], TruthSource]
+Simulate = Callable[[Network, TrafficConfig, int, float], TruthSource]
 
 
 def open_snapshots(config: RunConfig, simulate: Simulate = simulate, *, ahead: bool = False) -> SnapshotStream:

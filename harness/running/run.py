@@ -11,7 +11,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from harness.common.error_text import in_words
 from harness.common.errors import InputError, RunError, RunInterruptedError
@@ -33,10 +35,6 @@ from harness.storage.manifest import CODE, INPUTS, check_unedited
 from harness.storage.tables import sampled_rows
 from mmpf.map.road import Road
 from mmpf.scan import SensorModel
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 MOST_DRAWN = 300_000
 """About how many rows of a table figures show at most: those of some steps of a long run."""

@@ -8,8 +8,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
 import pyarrow as pa
 
 from harness.common.files import write_text
@@ -18,9 +19,6 @@ from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of
 from harness.storage.manifest import RunFacts, hashes_of, write_manifest
 from harness.storage.tables import GrowingTables
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass

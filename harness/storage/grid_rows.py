@@ -6,17 +6,15 @@ import json
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from harness.common.files import write_text
 from harness.common.untrusted_files import read_json
 from harness.storage.schema import TABLES
 from mmpf.numerics.arrays import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Row = dict[str, Any]
 
