@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import following_cases
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import HORIZONS_S, score
+from harness.truth.frame import STEP_S
 from mmpf.motion.protocol import MotionModel
 from mmpf.numerics.arrays import BoolArray, taken
 
@@ -25,21 +25,15 @@ def write_card(
     path: Path,
     title: str,
     facts: Mapping[str, str],
-    regimes: Sequence[RegimeError],
+    regimes: Sequence[Sequence[str]],
     limits: Sequence[str],
 ) -> None:
-    """Write a model card.
-
-    Args:
-        regimes: Closed-loop errors by regime; may be empty.
-        limits: Known limits, one sentence each.
-    """
+    """Write a model card with the rows of ``errors_by_regime``, if any, and known limits, one sentence each."""
     lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]
     if regimes:
         heads = ["regime", "cases", *(f"{horizon:g} s" for horizon in HORIZONS_S)]
-        rows = [[entry.regime, str(entry.cases), *(f"{error:.2f}" for error in entry.lon_m)] for entry in regimes]
         lines += ["## Position error by regime, complete occlusion, held-out seeds, m", ""]
-        lines += [*markdown_table(heads, rows), ""]
+        lines += [*markdown_table(heads, regimes), ""]
     lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
     write_text(path, "\n".join(lines))
 
@@ -48,24 +42,12 @@ STOP_AND_GO_BELOW_MPS = 3.0
 CASES, PARTICLES = 150, 100
 
 
-@dataclass(frozen=True)
-class RegimeError:
-    """Position errors of one traffic regime, complete occlusion: mean absolute ones at 1, 2, 5 and 10 s.
+def errors_by_regime(model: MotionModel, windows: CarFollowing, seed: int) -> list[list[str]]:
+    """Return a row for free driving, following, stop-and-go and after a cut-in: its name, the number of cases, errors.
 
-    Attributes:
-        regime: Name of the regime.
-        cases: Number of windows.
-        lon_m: Mean absolute error at 1, 2, 5 and 10 s.
+    Errors are mean absolute ones of the position along the road under complete occlusion at ``HORIZONS_S``, m.
     """
-
-    regime: str
-    cases: int
-    lon_m: tuple[float, ...]
-
-
-def errors_by_regime(model: MotionModel, windows: CarFollowing, step_s: float, seed: int) -> list[RegimeError]:
-    """Return the closed-loop errors in free driving, following, stop-and-go and after a cut-in."""
-    return [_errors(model, name, taken(windows, chosen), step_s, seed) for name, chosen in regimes_of(windows).items()]
+    return [[name, *_errors(model, taken(windows, chosen), seed)] for name, chosen in regimes_of(windows).items()]
 
 
 def regimes_of(windows: CarFollowing) -> dict[str, BoolArray]:
@@ -80,10 +62,10 @@ def regimes_of(windows: CarFollowing) -> dict[str, BoolArray]:
     }
 
 
-def _errors(model: MotionModel, regime: str, windows: CarFollowing, step_s: float, seed: int) -> RegimeError:
+def _errors(model: MotionModel, windows: CarFollowing, seed: int) -> list[str]:
     if not len(windows):
-        return RegimeError(regime, 0, (float("nan"),) * len(HORIZONS_S))
-    cases = following_cases(windows, CASES, step_s, np.random.default_rng(seed), led_only=False)
+        return ["0", *["nan"] * len(HORIZONS_S)]
+    cases = following_cases(windows, CASES, np.random.default_rng(seed), led_only=False)
     scores = score(follow(model, cases, PARTICLES, np.random.default_rng(seed)), cases)
-    steps = [round(horizon / step_s) - 1 for horizon in HORIZONS_S]
-    return RegimeError(regime, cases.count, tuple(float(scores.abs_error["lon_m"][step].mean()) for step in steps))
+    steps = [round(horizon / STEP_S) - 1 for horizon in HORIZONS_S]
+    return [str(cases.count), *(f"{scores.abs_error['lon_m'][step].mean():.2f}" for step in steps)]

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from harness.lab.fit.mixture_em import fit_mixture
-from harness.lab.fit.recovery import FollowingRecords, demonstrated_samples, recovery_samples
+from harness.lab.fit.recovery import demonstrated_samples, recovery_samples
 from harness.lab.windows.car_following import CarFollowing
+from harness.truth.frame import STEP_S
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.driver import DriverModel, FreeDriver
 from mmpf.motion.learned.empirical import EmpiricalFollower
@@ -16,7 +17,7 @@ from mmpf.motion.learned.features import log_headway, situation
 from mmpf.motion.learned.follower import MixtureFollower
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_inputs
-from mmpf.numerics.arrays import FloatArray, IntArray, joined, taken
+from mmpf.numerics.arrays import FloatArray, IntArray, taken
 
 FOLLOWING_SAMPLES = 300_000
 SHORT_SAMPLES = 1_200_000
@@ -35,7 +36,6 @@ def fit_driver(
     changes_per_s: float,
     components: int,
     seed: int,
-    step_s: float,
     progress: Callable[[str], None],
 ) -> tuple[DriverModel, MixtureFollower]:
     """Fit the learned driver; its follower is returned beside it.
@@ -43,36 +43,27 @@ def fit_driver(
     Args:
         changes_per_s: How often drivers change lanes to one side.
     """
-    follower = fit_follower(windows, components, seed, step_s, progress)
-    free = _fit_free(taken(windows, ~windows.has_leader), step_s)
-    return DriverModel(follower, free, _fit_keeper(windows, changes_per_s, step_s)), follower
+    follower = fit_follower(windows, components, seed, progress)
+    free = _fit_free(taken(windows, ~windows.has_leader))
+    return DriverModel(follower, free, _fit_keeper(windows, changes_per_s)), follower
 
 
-def fit_follower(
-    windows: CarFollowing, components: int, seed: int, step_s: float, progress: Callable[[str], None]
-) -> MixtureFollower:
+def fit_follower(windows: CarFollowing, components: int, seed: int, progress: Callable[[str], None]) -> MixtureFollower:
     """Fit the learned driver's following mixture and its drivers' habits.
 
-    The mixture is fitted to recovery samples, then once more with what it demonstrated itself.
-
-    Args:
-        windows: Training windows; those without a leader are left out.
-        components: Components of the following mixture.
-        seed: Seed of sampling and of the fits.
-        step_s: Time between steps.
-        progress: Told one line per stage.
+    The mixture is fitted to recovery samples, then once more with what it demonstrated itself. Windows without a leader
+    are left out.
     """
     rng = np.random.default_rng(seed)
     led = windows.led
     habit = driver_habit(led)
-    records = following_records(led, habit, step_s)
     progress(f"fitting {components} components to {FOLLOWING_SAMPLES} samples of {len(led)} windows")
-    samples = recovery_samples(records, FOLLOWING_SAMPLES, rng)
-    first = fit_mixture(samples.x, samples.y, components, seed)
+    samples = recovery_samples(led, habit, FOLLOWING_SAMPLES, rng)
+    first = fit_mixture(*samples, components, seed)
     progress("adding the states that the fitted model reaches, and fitting again")
-    demonstrated = demonstrated_samples(records, first, ROLLOUTS, rng)
-    both = joined(samples, demonstrated)
-    following = fit_mixture(both.x, both.y, components, seed)
+    demonstrated = demonstrated_samples(led, habit, first, ROLLOUTS, rng)
+    x, y = (np.concatenate(both) for both in zip(samples, demonstrated, strict=True))
+    following = fit_mixture(x, y, components, seed)
     return MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)
 
 
@@ -114,11 +105,6 @@ def situation_columns(led: CarFollowing) -> tuple[FloatArray, FloatArray, FloatA
     return led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2
 
 
-def following_records(led: CarFollowing, habit: FloatArray, step_s: float) -> FollowingRecords:
-    """Return what the recovery samples are drawn from."""
-    return FollowingRecords(*situation_columns(led), habit[:, None], step_s)
-
-
 def _fit_habit(led: CarFollowing, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
     window = np.tile(np.arange(len(led)), HABIT_SITUATIONS_PER_WINDOW)
     step = rng.integers(led.lon_m.shape[1], size=len(window))
@@ -126,31 +112,31 @@ def _fit_habit(led: CarFollowing, habit: FloatArray, seed: int, rng: np.random.G
     return fit_mixture(seen, habit[window, None], HABIT_COMPONENTS, seed)
 
 
-def _fit_free(free: CarFollowing, step_s: float) -> FreeDriver:
+def _fit_free(free: CarFollowing) -> FreeDriver:
     """Fit by least squares; a driver's desired speed is its mean speed at the window's end."""
     settle = 20
     desired = free.speed_mps[:, -settle:].mean(axis=1)
     speed, accel = free.speed_mps[:, : -settle - 1], free.accel_mps2[:, : -settle - 1]
-    change = np.diff(free.accel_mps2[:, :-settle], axis=1) / step_s
+    change = np.diff(free.accel_mps2[:, :-settle], axis=1) / STEP_S
     missing = desired[:, None] - speed
     design = np.stack([missing.ravel(), -accel.ravel()], axis=1)
     (pull, lag), *_ = np.linalg.lstsq(design, change.ravel(), rcond=None)
-    noise = np.std(change.ravel() - design @ np.array([pull, lag])) * step_s
+    noise = np.std(change.ravel() - design @ np.array([pull, lag])) * STEP_S
     start_accel, gained = free.accel_mps2[:, 0], desired - free.speed_mps[:, 0]
     per_accel = float(start_accel @ gained / (start_accel @ start_accel))
     spread = float(np.std(gained - per_accel * start_accel))
-    lag = float(np.clip(lag, 0.2, 1.0 / step_s))
+    lag = float(np.clip(lag, 0.2, 1.0 / STEP_S))
     return FreeDriver(lag, float(np.clip(pull / lag, 0.05, 2.0)), float(noise), per_accel, spread)
 
 
-def _fit_keeper(windows: CarFollowing, changes_per_s: float, step_s: float) -> LaneKeeper:
+def _fit_keeper(windows: CarFollowing, changes_per_s: float) -> LaneKeeper:
     """Fit the pull to each window's mean place in the lane by least squares; what is left is the noise."""
     place = windows.offset_m.mean(axis=1)
     away, lat_speed = windows.offset_m[:, :-1] - place[:, None], windows.lat_speed_mps[:, :-1]
-    change = np.diff(windows.lat_speed_mps, axis=1) / step_s
+    change = np.diff(windows.lat_speed_mps, axis=1) / STEP_S
     design = np.stack([-away.ravel(), -lat_speed.ravel()], axis=1)
     (attraction, damping), *_ = np.linalg.lstsq(design, change.ravel(), rcond=None)
-    noise = _robust_std(change.ravel() - design @ np.array([attraction, damping])) * np.sqrt(step_s)
+    noise = _robust_std(change.ravel() - design @ np.array([attraction, damping])) * np.sqrt(STEP_S)
     spread = _robust_std(windows.offset_m[:, -1] - windows.offset_m[:, 0]) / np.sqrt(2.0)
     return LaneKeeper(
         attraction_per_s2=float(np.clip(attraction, 0.01, 2.0)),

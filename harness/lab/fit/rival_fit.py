@@ -21,6 +21,7 @@ from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import Cases, following_cases
 from harness.lab.windows.filtering import follow
 from harness.lab.windows.scores import HORIZONS_S, score
+from harness.truth.frame import STEP_S
 from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.protocol import MotionModel
@@ -49,24 +50,23 @@ Found by maximum likelihood of the state one second on, over the tuning seeds.""
 Adaptive = tuple[IdmParameters, Adaptation]
 
 
-def fit_idm(windows: CarFollowing, seed: int, step_s: float) -> IdmParameters:
+def fit_idm(windows: CarFollowing, seed: int) -> IdmParameters:
     """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length.
 
     Args:
         windows: Training windows; those without a leader are left out.
         seed: Seed of the choice of windows and of the search.
-        step_s: Time between steps.
     """
-    found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed, step_s)
+    found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed)
     return _driver(found)
 
 
-def fit_adaptive(windows: CarFollowing, seed: int, step_s: float) -> Adaptive:
+def fit_adaptive(windows: CarFollowing, seed: int) -> Adaptive:
     """Fit the adaptive form in the same way, and how long and how far drivers deviate from it."""
     bounds = (*DRIVER_BOUNDS, *ADAPTATION_BOUNDS)
-    found = _search(lambda values: AdaptiveDriver(*_adaptive(values), NO_NOISE), bounds, windows, seed, step_s)
+    found = _search(lambda values: AdaptiveDriver(*_adaptive(values), NO_NOISE), bounds, windows, seed)
     driver, adaptation = _adaptive(found)
-    cases = following_cases(windows, WINDOWS, step_s, np.random.default_rng(seed))
+    cases = following_cases(windows, WINDOWS, np.random.default_rng(seed))
     return driver, with_deviation(driver, adaptation, cases)
 
 
@@ -76,7 +76,7 @@ def with_deviation(driver: IdmParameters, adaptation: Adaptation, cases: Cases) 
     def crps(deviation: tuple[float, float]) -> float:
         model = AdaptiveDriver(driver, _deviating(adaptation, deviation), NO_NOISE)
         scores = score(follow(model, cases, DEVIATION_PARTICLES, np.random.default_rng(0)), cases)
-        return sum(float(scores.crps_m[round(ahead / cases.step_s) - 1].mean()) / ahead for ahead in HORIZONS_S)
+        return sum(float(scores.crps_m[round(ahead / STEP_S) - 1].mean()) / ahead for ahead in HORIZONS_S)
 
     return _deviating(adaptation, min(DEVIATIONS, key=crps))
 
@@ -137,9 +137,8 @@ def _search(
     bounds: Sequence[tuple[float, float]],
     windows: CarFollowing,
     seed: int,
-    step_s: float,
 ) -> FloatArray:
-    cases = following_cases(windows, WINDOWS, step_s, np.random.default_rng(seed))
+    cases = following_cases(windows, WINDOWS, np.random.default_rng(seed))
 
     def error(values: FloatArray) -> float:
         return _closed_loop_error(model_of(values), cases)
@@ -160,11 +159,11 @@ def _closed_loop_error(model: MotionModel, cases: Cases) -> float:
     rng = np.random.default_rng(0)
     state = cases.truth[0]
     latents = model.draw_latents(state, rng)
-    scored = {round(horizon / cases.step_s): horizon for horizon in HORIZONS_S}
+    scored = {round(horizon / STEP_S): horizon for horizon in HORIZONS_S}
     error = 0.0
     for step in range(1, cases.steps):
         around = cases.surroundings(state, step - 1, True)
-        state, latents = model.propagate(state, latents, around, cases.step_s, rng)
+        state, latents = model.propagate(state, latents, around, STEP_S, rng)
         if step in scored:
             error += float(np.abs(state[LON] - cases.truth[step, LON]).mean()) / scored[step]
     return error
@@ -179,7 +178,7 @@ def _most_likely(
 
 def _errors(model: MotionModel, cases: Cases) -> FloatArray:
     """Return errors in longitudinal position and speed, lateral position and speed, of all seconds: shape (4, n)."""
-    ahead = round(AHEAD_S / cases.step_s)
+    ahead = round(AHEAD_S / STEP_S)
     starts = range(0, cases.steps - ahead, ahead)
     return np.concatenate([_errors_from(model, cases, start, start + ahead) for start in starts], axis=1)
 
@@ -189,7 +188,7 @@ def _errors_from(model: MotionModel, cases: Cases, start: int, end: int) -> Floa
     state = cases.truth[start]
     latents = model.draw_latents(state, rng)
     for step in range(start, end):
-        state, latents = model.propagate(state, latents, cases.surroundings(state, step, True), cases.step_s, rng)
+        state, latents = model.propagate(state, latents, cases.surroundings(state, step, True), STEP_S, rng)
     return np.asarray((state - cases.truth[end])[[LON, SPEED, LAT, LAT_SPEED]])
 
 

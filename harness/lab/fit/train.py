@@ -21,7 +21,6 @@ from harness.lab.fit.driver_fit import (
     fit_driver,
     fit_empirical,
     fit_short,
-    following_records,
     short_samples,
 )
 from harness.lab.fit.mixture_em import START_SAMPLES
@@ -40,7 +39,6 @@ from harness.lab.windows.recording import (
     scenarios,
     traffic_version,
 )
-from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned import empirical, recurrent, residual
@@ -107,7 +105,7 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     if plan.case not in PAPER_COMPONENTS:
         return _train_follower(plan, network, windows, held_out, say)
     _fit_rivals(plan, network, windows, held_out, load_changes(tuning, network.road), say)
-    changes_per_s = changes_to_one_side_per_s(load_all(training), STEP_S)
+    changes_per_s = changes_to_one_side_per_s(load_all(training))
     return _train_keeping(plan, network, windows, changes_per_s, held_out, say)
 
 
@@ -121,10 +119,10 @@ def _fit_rivals(
 ) -> None:
     """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
     say("fitting the rivals' parameters and noise")
-    driver = fit_idm(windows, plan.seed, STEP_S)
-    every_change = lane_change_cases(held_changes, len(held_changes), STEP_S, np.random.default_rng(plan.seed))
-    adaptive = fit_adaptive(windows, plan.seed, STEP_S)
-    noise = fit_noise([cases_of(held_out, STEP_S), every_change], driver, adaptive)
+    driver = fit_idm(windows, plan.seed)
+    every_change = lane_change_cases(held_changes, len(held_changes), np.random.default_rng(plan.seed))
+    adaptive = fit_adaptive(windows, plan.seed)
+    noise = fit_noise([cases_of(held_out), every_change], driver, adaptive)
     write_rivals(plan.out, driver, adaptive, noise, traffic_version(network))
 
 
@@ -134,7 +132,7 @@ def _train_keeping(
     led = windows.led
     own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
     say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
-    driver, follower = fit_driver(windows, changes_per_s, plan.size, plan.seed, STEP_S, say)
+    driver, follower = fit_driver(windows, changes_per_s, plan.size, plan.seed, say)
     save_driver(own, driver, follower)
     say("fitting the paper's short-term model")
     mixture = fit_short(windows, plan.size, plan.seed)
@@ -143,10 +141,9 @@ def _train_keeping(
     rng = np.random.default_rng(plan.seed)
     held_led = held_out.led
     short_x, short_y = _some(*short_samples(held_led), HELD_OUT_SAMPLES, rng)
-    records = following_records(held_led, driver_habit(held_led), STEP_S)
-    asked = recovery_samples(records, HELD_OUT_SAMPLES, rng)
+    asked = recovery_samples(held_led, driver_habit(held_led), HELD_OUT_SAMPLES, rng)
     facts = _facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1))
-    own_fit = f"{follower.following.log_density(asked.x, asked.y).mean():.3f} nats (acceleration, recovery samples)"
+    own_fit = f"{follower.following.log_density(*asked).mean():.3f} nats (acceleration, recovery samples)"
     write_card(
         own.with_suffix(".md"),
         "Learned driver for lane keeping (`gmm`, ours)",
@@ -157,7 +154,7 @@ def _train_keeping(
             f"of drivers in sight take them up {PROPOSED_CHANGES:g} times as often",
             "One-step log-likelihood on held-out seeds": own_fit,
         },
-        errors_by_regime(LearnedDriver(driver, changes_lanes=False), held_out, STEP_S, plan.seed),
+        errors_by_regime(LearnedDriver(driver, changes_lanes=False), held_out, plan.seed),
         KEEPING_LIMITS,
     )
     short_fit = f"{mixture.log_density(short_x, short_y).mean():.3f} nats (four outputs)"
@@ -169,7 +166,7 @@ def _train_keeping(
             "Fit": _fitted_to(min(len(led) * (STEPS - 1), SHORT_SAMPLES), plan.seed),
             "One-step log-likelihood on held-out seeds": short_fit,
         },
-        errors_by_regime(short_term_driver(mixture), held_out, STEP_S, plan.seed),
+        errors_by_regime(short_term_driver(mixture), held_out, plan.seed),
         SHORT_LIMITS,
     )
     return [own, short]
@@ -205,7 +202,7 @@ def _train_follower(
         fit, size = "counted", f"{' x '.join(map(str, follower.changes_mps2.shape[:-1]))} cells, {QUANTILES} quantiles"
     facts = {**_facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1)), "Fit": fit, "Size": size}
     model = replace(with_follower(follower, plan.case), changes_lanes=False)
-    write_card(path.with_suffix(".md"), title, facts, errors_by_regime(model, held_out, STEP_S, plan.seed), limits)
+    write_card(path.with_suffix(".md"), title, facts, errors_by_regime(model, held_out, plan.seed), limits)
     return [path]
 
 

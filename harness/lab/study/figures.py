@@ -15,6 +15,7 @@ from harness.common.bootstrap import independent_ci
 from harness.common.charts import Charts, curves, draw_charts
 from harness.common.files import save_figure
 from harness.lab.study.study import StudyResult
+from harness.truth.frame import STEP_S
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 
@@ -97,7 +98,7 @@ def error_charts(result: StudyResult, occlusion: str) -> Charts:
 def _particles(axis: Axes, result: StudyResult, occlusion: str, model: str, panel: tuple[int, int, str]) -> None:
     row, kept_row, _ = panel
     truth, reference = result.example_truth, _reference(result, row)
-    time_s = np.arange(len(truth)) * result.step_s
+    time_s = np.arange(len(truth)) * STEP_S
     values = result.examples[occlusion, model][:, kept_row]
     shown = slice(DRAW_EVERY - 1, None, DRAW_EVERY)
     times = np.repeat(time_s[1:][shown, None], values.shape[1], axis=1)
@@ -122,7 +123,7 @@ def _bound_by_truth_and_particles(
 def _reference(result: StudyResult, row: int) -> FloatArray:
     """Return what a quantity is drawn against: steady driving for the position, zero for all others."""
     truth = result.example_truth
-    steady = truth[0, LON] + truth[0, SPEED] * result.step_s * np.arange(len(truth))
+    steady = truth[0, LON] + truth[0, SPEED] * STEP_S * np.arange(len(truth))
     return np.asarray(steady if row == LON else np.zeros(len(truth)))
 
 
@@ -131,4 +132,4 @@ def _errors(result: StudyResult, occlusion: str, model: str, quantity: str) -> I
     for step in np.unique(np.append(np.arange(0, len(error), ERRORS_EVERY), len(error) - 1)):
         interval = asdict(independent_ci(error[step], np.random.default_rng(0)))
         mean = float(error[step].mean())
-        yield {"series": model, "place": float((step + 1) * result.step_s), "mean": mean} | interval
+        yield {"series": model, "place": float((step + 1) * STEP_S), "mean": mean} | interval

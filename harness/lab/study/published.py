@@ -17,7 +17,6 @@ from harness.lab.windows.changing import load_changes
 from harness.lab.windows.filtering import MeasurementNoise
 from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, record_scenarios, scenarios
 from harness.trackers.mmpf import MODEL_LOADERS
-from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.model_file import ModelFileError
 from mmpf.motion.learned.driver import LearnedDriver
@@ -107,8 +106,8 @@ def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None])
     paths = record_scenarios(network, wanted, plan.cache, say)
     rng = np.random.default_rng([plan.seed, 0])
     if plan.study == LANE_KEEPING:
-        return following_cases(load_following(paths, network.road), plan.cases, STEP_S, rng)
-    return lane_change_cases(load_changes(paths, network.road), plan.cases, STEP_S, rng)
+        return following_cases(load_following(paths, network.road), plan.cases, rng)
+    return lane_change_cases(load_changes(paths, network.road), plan.cases, rng)
 
 
 def model_of(plan: StudyPlan, name: str, keeps_lane: bool) -> MotionModel:

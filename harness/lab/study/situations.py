@@ -102,14 +102,14 @@ def recorded_parts(folder: Path) -> list[Part]:
 
 def situations_of(plan: StudyPlan, parts: Sequence[Part], steps: int) -> dict[str, Cases]:
     """Return cases by situation, at most ``plan.cases`` of each, without situations of fewer than two."""
-    windows = joined_apart([following_windows(*part, steps, STEP_S) for part in parts], "vehicle")
-    changes = reduce(joined, [lane_change_windows(*part, STEP_S) for part in parts])
+    windows = joined_apart([following_windows(*part, steps) for part in parts], "vehicle")
+    changes = reduce(joined, [lane_change_windows(*part) for part in parts])
     rng = np.random.default_rng([plan.seed, 0])
     situations = {
-        name: following_cases(taken(windows, chosen), plan.cases, STEP_S, rng, led_only=False)
+        name: following_cases(taken(windows, chosen), plan.cases, rng, led_only=False)
         for name, chosen in regimes_of(windows).items()
     }
-    situations[CHANGING] = lane_change_cases(changes, plan.cases, STEP_S, rng)
+    situations[CHANGING] = lane_change_cases(changes, plan.cases, rng)
     return {name: cases for name, cases in situations.items() if cases.count > 1}
 
 

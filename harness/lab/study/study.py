@@ -12,6 +12,7 @@ from harness.common.bootstrap import independent_ci
 from harness.lab.windows.cases import Cases
 from harness.lab.windows.filtering import Cloud, MeasurementNoise, follow, measure
 from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, score
+from harness.truth.frame import STEP_S
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
@@ -42,7 +43,6 @@ class StudyResult:
     scores: Mapping[tuple[str, str], Scores]
     examples: Mapping[tuple[str, str], FloatArray]
     example_truth: FloatArray
-    step_s: float
     rows: Sequence[Mapping[str, Any]]
 
     def occlusions(self) -> list[str]:
@@ -86,13 +86,13 @@ def run_study(
             scores[occlusion, name] = score(_keeping_example(clouds, shown, kept), cases)
             examples[occlusion, name] = np.stack(kept)
             progress()
-    rows = [row for key, value in scores.items() for row in _rows(study, *key, value, cases.step_s)]
-    return StudyResult(study, scores, examples, cases.truth[:, :, shown], cases.step_s, rows)
+    rows = [row for key, value in scores.items() for row in _rows(study, *key, value)]
+    return StudyResult(study, scores, examples, cases.truth[:, :, shown], rows)
 
 
-def _rows(study: str, occlusion: str, model: str, scores: Scores, step_s: float) -> list[dict[str, Any]]:
+def _rows(study: str, occlusion: str, model: str, scores: Scores) -> list[dict[str, Any]]:
     """Return one row for each horizon and one, without a horizon, for the mean over all steps."""
-    steps = {horizon: round(horizon / step_s) for horizon in HORIZONS_S}
+    steps = {horizon: round(horizon / STEP_S) for horizon in HORIZONS_S}
     at_horizon = [score_row(scores, k - 1, horizon) for horizon, k in steps.items() if k <= len(scores.crps_m)]
     head = {"study": study, "occlusion": occlusion, "model": model, "label": LABELS.get(model, "rival")}
     return [{**head, **row} for row in [*at_horizon, score_row(scores, slice(None), None)]]

@@ -76,23 +76,17 @@ class CarFollowing:
         return taken(self, self.has_leader)
 
 
-def following_windows(recording: Recording, road: Road, steps: int, step_s: float) -> CarFollowing:
+def following_windows(recording: Recording, road: Road, steps: int) -> CarFollowing:
     """Cut a recording into windows without lane changes nearby, whose leader stays the same.
 
     A window's vehicle changes no lane within the window nor in the five seconds before and after it; a leader further
     than 100 m ahead counts as none, and windows in which one comes or goes are left out.
-
-    Args:
-        recording: Recorded traffic.
-        road: Where the lanes are.
-        steps: Length of a window in steps.
-        step_s: Time between steps.
     """
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     leader = _leader_rows(recording)[by_vehicle]
     step, vehicle, lane = (column[by_vehicle] for column in (recording.step, recording.vehicle, recording.lane))
     leader_vehicle = np.where(leader == NOBODY, NOBODY, recording.vehicle[leader])
-    settled = _no_change_within(lane, vehicle, margin=round(LANE_CHANGE_MARGIN_S / step_s)) & (lane != NO_LANE)
+    settled = _no_change_within(lane, vehicle, margin=round(LANE_CHANGE_MARGIN_S / STEP_S)) & (lane != NO_LANE)
     same_as_before = (
         _unchanged(vehicle) & _unchanged(leader_vehicle) & _unchanged(lane) & (np.diff(step, prepend=-9) == 1)
     )
@@ -106,7 +100,7 @@ def following_windows(recording: Recording, road: Road, steps: int, step_s: floa
 
 def load_following(paths: Sequence[Path], road: Road) -> CarFollowing:
     """Cut recordings that lie in files into windows of 10 s."""
-    return joined_apart([following_windows(recording, road, STEPS, STEP_S) for recording in load_all(paths)], "vehicle")
+    return joined_apart([following_windows(recording, road, STEPS) for recording in load_all(paths)], "vehicle")
 
 
 def _leader_rows(recording: Recording) -> IntArray:

@@ -31,7 +31,6 @@ class Cases:
 
     truth: FloatArray
     surroundings: LookAround
-    step_s: float
 
     @property
     def steps(self) -> int:
@@ -44,33 +43,23 @@ class Cases:
         return int(self.truth.shape[2])
 
 
-def following_cases(
-    windows: CarFollowing, count: int, step_s: float, rng: np.random.Generator, led_only: bool = True
-) -> Cases:
-    """Choose windows, at most one of each vehicle, for the lane-keeping study.
-
-    Args:
-        windows: Held-out windows.
-        count: How many to choose; fewer if there are fewer.
-        step_s: Time between steps.
-        rng: Source of randomness.
-        led_only: Whether windows without a leader are left out.
-    """
+def following_cases(windows: CarFollowing, count: int, rng: np.random.Generator, led_only: bool = True) -> Cases:
+    """Choose so many windows, or fewer, at most one of each vehicle; by ``led_only`` none without a leader."""
     order = rng.permutation(np.flatnonzero(windows.has_leader | (not led_only)))
     _, first = np.unique(windows.vehicle[order], return_index=True)
-    return cases_of(taken(windows, order[np.sort(first)[:count]]), step_s)
+    return cases_of(taken(windows, order[np.sort(first)[:count]]))
 
 
-def cases_of(windows: CarFollowing, step_s: float) -> Cases:
+def cases_of(windows: CarFollowing) -> Cases:
     """Return every window as a case."""
     states = [_states_at(windows, step) for step in range(windows.lon_m.shape[1])]
-    return Cases(np.stack(states), partial(_behind_leaders, windows), step_s)
+    return Cases(np.stack(states), partial(_behind_leaders, windows))
 
 
-def lane_change_cases(changes: LaneChanges, count: int, step_s: float, rng: np.random.Generator) -> Cases:
+def lane_change_cases(changes: LaneChanges, count: int, rng: np.random.Generator) -> Cases:
     """Choose windows around lane changes; lateral positions count from the original lane, positive to the target."""
     chosen = taken(changes, np.sort(rng.permutation(len(changes))[:count]))
-    return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen), step_s)
+    return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen))
 
 
 def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden: bool) -> Surroundings:

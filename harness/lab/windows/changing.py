@@ -44,9 +44,9 @@ class LaneChanges:
         return self.states.swapaxes(0, 1)
 
 
-def lane_change_windows(recording: Recording, road: Road, step_s: float) -> LaneChanges:
+def lane_change_windows(recording: Recording, road: Road) -> LaneChanges:
     """Cut out every change between two neighbouring main lanes that is the only one within five seconds around it."""
-    half = round(HALF_WINDOW_S / step_s)
+    half = round(HALF_WINDOW_S / STEP_S)
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     rows = by_vehicle[_single_changes(recording, by_vehicle, half)[:, None] + np.arange(-half, half + 1)]
     strip = {lane.number: (lane.right_m, lane.left_m) for lane in road.lanes}
@@ -59,7 +59,7 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
     step, lon = recording.step[rows], recording.lon_m[rows]
     on_original, on_target = original[:, None], target[:, None]
     return LaneChanges(
-        states=_mirrored_states(recording, rows, direction, first.mean(axis=1), step_s).swapaxes(0, 1),
+        states=_mirrored_states(recording, rows, direction, first.mean(axis=1)).swapaxes(0, 1),
         length_m=recording.length_m[rows[:, 0]],
         lane_width_m=np.abs(second.mean(axis=1) - first.mean(axis=1)),
         leader=others_at(recording, row_ahead(ordering, step, on_original, lon)),
@@ -70,10 +70,10 @@ def lane_change_windows(recording: Recording, road: Road, step_s: float) -> Lane
 
 def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
     """Cut recordings that lie in files into windows around lane changes."""
-    return reduce(joined, (lane_change_windows(recording, road, STEP_S) for recording in load_all(paths)))
+    return reduce(joined, (lane_change_windows(recording, road) for recording in load_all(paths)))
 
 
-def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) -> float:
+def changes_to_one_side_per_s(recordings: Iterable[Recording]) -> float:
     """Return how often a driver on a lane of the road changes to the one side, and as often to the other, a second."""
     changes, steps = 0, 0
     for recording in recordings:
@@ -82,7 +82,7 @@ def changes_to_one_side_per_s(recordings: Iterable[Recording], step_s: float) ->
         driven_on = (vehicle[1:] == vehicle[:-1]) & (lane[1:] != NO_LANE) & (lane[:-1] != NO_LANE)
         changes += int((driven_on & (lane[1:] != lane[:-1])).sum())
         steps += int(driven_on.sum())
-    return changes / (2.0 * steps * step_s) if steps else 0.0
+    return changes / (2.0 * steps * STEP_S) if steps else 0.0
 
 
 def _single_changes(recording: Recording, by_vehicle: IntArray, half: int) -> IntArray:
@@ -103,13 +103,11 @@ def _lines(strip: dict[int, tuple[float, float]], lane: IntArray) -> FloatArray:
     return np.array([strip[int(number)] for number in lane]).reshape(-1, 2)
 
 
-def _mirrored_states(
-    recording: Recording, rows: IntArray, direction: FloatArray, origin_m: FloatArray, step_s: float
-) -> FloatArray:
+def _mirrored_states(recording: Recording, rows: IntArray, direction: FloatArray, origin_m: FloatArray) -> FloatArray:
     state = np.empty((STATE_SIZE, *rows.shape))
     state[LON], state[SPEED] = recording.lon_m[rows], recording.speed_mps[rows]
     state[ACCEL] = recording.accel_mps2[rows]
     state[LAT] = direction[:, None] * (recording.lat_m[rows] - origin_m[:, None])
     state[LAT_SPEED] = direction[:, None] * recording.lat_speed_mps[rows]
-    state[LAT_ACCEL] = np.diff(state[LAT_SPEED], axis=1, prepend=state[LAT_SPEED][:, :1]) / step_s
+    state[LAT_ACCEL] = np.diff(state[LAT_SPEED], axis=1, prepend=state[LAT_SPEED][:, :1]) / STEP_S
     return state

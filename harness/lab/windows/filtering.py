@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.lab.windows.cases import Cases
+from harness.truth.frame import STEP_S
 from mmpf.belief.mixture import Components, Mixture, ParticleCloud
 from mmpf.belief.moments import effective_sizes
 from mmpf.belief.resampling import resample_smoothly
@@ -71,7 +72,7 @@ def follow(
     hidden = measurements is None
     for step in range(1, cases.steps):
         around = cases.surroundings(belief.cloud.state, step - 1, hidden)
-        state, latents = model.propagate(belief.cloud.state, belief.cloud.latents, around, cases.step_s, rng)
+        state, latents = model.propagate(belief.cloud.state, belief.cloud.latents, around, STEP_S, rng)
         log_weight = belief.cloud.log_weight.reshape(cases.count, particles)
         if measurements is not None and noise is not None:
             away = state[list(MEASURED)].reshape(3, cases.count, particles) - measurements[step][:, :, None]

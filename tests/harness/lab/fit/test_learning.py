@@ -1,10 +1,12 @@
 """Fits are reproducible, recovery labels lead back, and counted accelerations are those of a plain loop."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from harness.lab.fit.driver_fit import FEWEST, fit_empirical
 from harness.lab.fit.mixture_em import fit_mixture
-from harness.lab.fit.recovery import FollowingRecords, demonstrated_samples, recovery_samples
+from harness.lab.fit.recovery import demonstrated_samples, recovery_samples
 from mmpf.motion.learned.features import situation
 from tests.harness.lab.fit.test_unrolled import windows
 
@@ -37,55 +39,52 @@ def test_inputs_beyond_the_training_range_are_taken_for_its_edge():
     np.testing.assert_allclose(fitted.mean(np.array([[1e6]])), fitted.mean(fitted.scaling.input_high[None]))
 
 
-def steady_records(windows=80, steps=60):
-    shape = (windows, steps)
+def steady_following(count=80, steps=60):
+    """Followers at speeds of their own, each 1.5 s and 2 m behind a leader as fast."""
     rng = np.random.default_rng(1)
-    speed = np.repeat(rng.uniform(5.0, 25.0, (windows, 1)), steps, axis=1)
-    return FollowingRecords(
-        gap_m=1.5 * speed + 2.0,
-        speed_mps=speed,
-        accel_mps2=np.zeros(shape),
-        leader_speed_mps=speed,
-        leader_accel_mps2=np.zeros(shape),
-        habit=np.full((windows, 1), np.log(1.5)),
-        step_s=STEP_S,
-    )
+    speed = np.repeat(rng.uniform(5.0, 25.0, (count, 1)), steps, axis=1)
+    still, lon = np.zeros((count, steps)), STEP_S * speed * np.arange(steps)
+    led = windows(count, rng)
+    leader = {"leader_lon_m": lon + 1.5 * speed + 2.0 + led.length_m[:, None], "leader_speed_mps": speed}
+    return replace(led, lon_m=lon, speed_mps=speed, accel_mps2=still, leader_accel_mps2=still, **leader)
+
+
+HABIT = np.full(80, np.log(1.5))
 
 
 def test_who_is_too_near_is_told_to_slow_down_and_who_is_too_far_to_speed_up():
-    samples = recovery_samples(steady_records(), 5000, np.random.default_rng(2))
-    astray = np.exp(samples.x[:, 0]) - (1.5 * (samples.x[:, 1] - samples.x[:, 3]) + 2.0)
-    still = np.abs(samples.x[:, 3]) < 0.3
-    change = samples.y[:, 0] - samples.x[:, 2]
-    calm = still & (np.abs(samples.x[:, 2]) < 0.1)
+    x, y = recovery_samples(steady_following(), HABIT, 5000, np.random.default_rng(2))
+    astray = np.exp(x[:, 0]) - (1.5 * (x[:, 1] - x[:, 3]) + 2.0)
+    still = np.abs(x[:, 3]) < 0.3
+    change = y[:, 0] - x[:, 2]
+    calm = still & (np.abs(x[:, 2]) < 0.1)
     assert change[calm & (astray < -3.0)].mean() < 0.0
     assert change[calm & (astray > 3.0)].mean() > 0.0
 
 
 def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
     monkeypatch.setattr("harness.lab.fit.recovery.PERTURBED_SHARE", 1.0)
-    records = steady_records()
+    led = steady_following()
     rng = np.random.default_rng(3)
-    samples = recovery_samples(records, 3000, rng)
-    model = fit_mixture(samples.x, samples.y, 3, seed=0)
-    speed, accel, astray = records.speed_mps[:, 0].copy(), np.zeros(80), np.full(80, 2.0)
+    model = fit_mixture(*recovery_samples(led, HABIT, 3000, rng), 3, seed=0)
+    speed, accel, astray = led.speed_mps[:, 0].copy(), np.zeros(80), np.full(80, 2.0)
     for _ in range(300):
         x = np.column_stack(
             [
-                np.log(1.5 * records.speed_mps[:, 0] + 2.0 - astray),
+                np.log(1.5 * led.speed_mps[:, 0] + 2.0 - astray),
                 speed,
                 accel,
-                speed - records.speed_mps[:, 0],
+                speed - led.speed_mps[:, 0],
                 0 * speed,
             ]
         )
-        accel = model.mean(np.column_stack([x, records.habit]))[:, 0]
-        astray += STEP_S * (speed + 0.5 * STEP_S * accel - records.speed_mps[:, 0])
+        accel = model.mean(np.column_stack([x, HABIT]))[:, 0]
+        astray += STEP_S * (speed + 0.5 * STEP_S * accel - led.speed_mps[:, 0])
         speed = speed + STEP_S * accel
     assert np.abs(astray).mean() < 1.0
-    reached = demonstrated_samples(records, model, 20, rng)
-    assert reached.x.shape[1] == 6
-    assert np.isfinite(reached.y).all()
+    x, y = demonstrated_samples(led, HABIT, model, 20, rng)
+    assert x.shape[1] == 6
+    assert np.isfinite(y).all()
 
 
 def test_a_cell_with_enough_moments_spans_what_was_recorded_in_it():

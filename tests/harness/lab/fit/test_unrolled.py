@@ -68,7 +68,7 @@ def test_the_score_is_that_of_a_plain_loop():
 
 def assert_learned(model, rng):
     """Ask for less error than at constant speed, and that the truth lies within what is drawn."""
-    cases = cases_of(windows(30, rng, 40.0, 0.3), 0.1)
+    cases = cases_of(windows(30, rng, 40.0, 0.3))
     scores = score(follow(replace(model, changes_lanes=False), cases, 50, np.random.default_rng(0)), cases)
     coasting = np.abs(cases.truth[50, 0] - cases.truth[0, 2] * 5.0).mean()
     assert scores.abs_error["lon_m"][49].mean() < coasting

@@ -22,8 +22,8 @@ STEP_S = 0.1
 @pytest.fixture(scope="module")
 def cases() -> Cases:
     convoy = [(40.0 * k, 10.0, steady(2.0)) for k in range(6)]
-    windows = following_windows(traffic(*convoy, steps=101), ROAD, 51, STEP_S)
-    return following_cases(windows, 5, STEP_S, np.random.default_rng(0))
+    windows = following_windows(traffic(*convoy, steps=101), ROAD, 51)
+    return following_cases(windows, 5, np.random.default_rng(0))
 
 
 def brute_crps(values, true):

@@ -16,9 +16,9 @@ def test_inputs_in_training_and_in_use_are_the_same():
     recording = traffic(
         (0.0, 10.0, changing(150)), (30.0, 9.0, steady(2.0)), (40.0, 11.0, steady(6.0)), (-20.0, 10.5, steady(6.0))
     )
-    changes = lane_change_windows(recording, ROAD, STEP_S)
+    changes = lane_change_windows(recording, ROAD)
     x, y = change_samples(changes, np.random.default_rng(0), AS_RECORDED)
-    cases = lane_change_cases(changes, 1, STEP_S, np.random.default_rng(0))
+    cases = lane_change_cases(changes, 1, np.random.default_rng(0))
     exact = [column for column in range(14) if column not in LINE_COLUMNS]
     for step in (0, 30, 49, 52, 80):
         state = cases.truth[step]
@@ -33,14 +33,14 @@ def test_inputs_in_training_and_in_use_are_the_same():
 
 
 def test_a_missing_neighbour_scatters_about_the_furthest_distance():
-    changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
+    changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD)
     x, _ = change_samples(changes, np.random.default_rng(0), AS_RECORDED)
     assert abs(x[:, 6].mean() - FURTHEST_NEIGHBOUR_M) < 5.0
     assert x[:, 6].std() > 1.0
 
 
 def test_a_sample_moved_sideways_goes_on_with_the_recorded_acceleration():
-    recorded_without_speed = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
+    recorded_without_speed = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD)
     state = recorded_without_speed.state.copy()
     state[LAT_SPEED] = np.gradient(state[LAT], STEP_S, axis=1)
     changes = replace(recorded_without_speed, states=state.swapaxes(0, 1))
@@ -55,7 +55,7 @@ def test_a_sample_moved_sideways_goes_on_with_the_recorded_acceleration():
 
 
 def test_only_the_asked_share_of_the_samples_is_moved_and_none_of_them_forward():
-    changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
+    changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD)
     x, _ = change_samples(changes, np.random.default_rng(0), LateralScatter(share=0.3))
     moved = x[:, 0] != changes.state[LAT, 0, :-1]
     assert 0.1 < moved.mean() < 0.5

@@ -84,7 +84,7 @@ def test_a_gap_is_measured_from_bumper_to_bumper():
 
 
 def test_windows_hold_a_vehicle_and_its_one_leader():
-    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
+    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101)
     led = windows.led
     assert len(windows) == 4
     assert len(led) == 2
@@ -95,7 +95,7 @@ def test_windows_hold_a_vehicle_and_its_one_leader():
 
 def test_no_window_lies_within_five_seconds_of_a_lane_change():
     crossing = 200
-    windows = following_windows(traffic((0.0, 10.0, changing(crossing)), steps=401), ROAD, 101, STEP_S)
+    windows = following_windows(traffic((0.0, 10.0, changing(crossing)), steps=401), ROAD, 101)
     spans = windows.lon_m[:, [0, -1]] / 10.0 / STEP_S
     assert len(spans) == 2
     assert all(last < crossing - 49 or first > crossing + 49 for first, last in spans)
@@ -103,26 +103,26 @@ def test_no_window_lies_within_five_seconds_of_a_lane_change():
 
 def test_a_new_nearer_leader_begins_a_window_after_a_cut_in():
     recording = traffic((0.0, 10.0, steady(2.0)), (60.0, 10.0, steady(2.0)), (30.0, 10.0, changing(140, 6.0, 2.0)))
-    windows = following_windows(recording, ROAD, 101, STEP_S)
+    windows = following_windows(recording, ROAD, 101)
     cut_in = taken(windows, windows.after_cut_in)
     assert len(cut_in) == 1
     np.testing.assert_allclose(cut_in.gap_m, 25.0)
 
 
 def test_a_leader_further_than_a_hundred_metres_counts_as_none():
-    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (130.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
+    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (130.0, 10.0, steady(2.0))), ROAD, 101)
     assert not windows.has_leader.any()
 
 
 def test_vehicles_of_different_recordings_stay_apart_when_joined():
-    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101, STEP_S)
+    windows = following_windows(traffic((0.0, 10.0, steady(2.0)), (30.0, 10.0, steady(2.0))), ROAD, 101)
     joined = joined_apart([windows, windows], "vehicle")
     assert len(np.unique(joined.vehicle)) == 4
 
 
 def test_a_lane_change_is_mirrored_so_that_the_target_lies_to_the_left():
-    to_left = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD, STEP_S)
-    to_right = lane_change_windows(traffic((0.0, 10.0, changing(150, 6.0, 2.0))), ROAD, STEP_S)
+    to_left = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD)
+    to_right = lane_change_windows(traffic((0.0, 10.0, changing(150, 6.0, 2.0))), ROAD)
     assert len(to_left) == len(to_right) == 1
     assert to_left.state[LAT, 0, 0] == pytest.approx(0.0)
     assert to_left.state[LAT, 0, -1] == pytest.approx(4.0)
@@ -133,7 +133,7 @@ def test_neighbours_of_a_lane_change_are_those_of_original_and_target_lane():
     recording = traffic(
         (0.0, 10.0, changing(150)), (30.0, 10.0, steady(2.0)), (40.0, 10.0, steady(6.0)), (-20.0, 10.0, steady(6.0))
     )
-    change = lane_change_windows(recording, ROAD, STEP_S)
+    change = lane_change_windows(recording, ROAD)
     assert len(change) == 1
     own = change.state[LON, 0]
     np.testing.assert_allclose(change.leader.lon_m[0] - own, 30.0)
@@ -168,15 +168,15 @@ def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path, monkeypatch
 
 def test_changes_are_counted_per_second_and_side():
     recording = traffic((0.0, 10.0, changing(150)), (50.0, 10.0, steady(6.0)))
-    assert changes_to_one_side_per_s([recording], STEP_S) == pytest.approx(1.0 / (2 * 60.0))
-    assert changes_to_one_side_per_s([], STEP_S) == 0.0
+    assert changes_to_one_side_per_s([recording]) == pytest.approx(1.0 / (2 * 60.0))
+    assert changes_to_one_side_per_s([]) == 0.0
 
 
 def test_windows_of_recorded_traffic_have_the_leader_that_drives_ahead(tmp_path):
     cars = (Car(1, 40.0, 9.0, 10.0), Car(2, 70.0, 9.0, 10.0, length_m=6.5), Car(3, 55.0, 5.0, 10.0))
     path = write_ngsim_csv(tmp_path / "scene.csv", ngsim_rows(cars))
     traffic = open_recorded_traffic(path, "ngsim", "us101", "auto", 60.0).traffic
-    windows = following_windows(recording_of(traffic), traffic.road, 51, STEP_S)
+    windows = following_windows(recording_of(traffic), traffic.road, 51)
     led = windows.led
     assert len(windows) == 3
     assert len(led) == 1
