@@ -120,14 +120,14 @@ def _simulate(
         shortened = network.with_demand(name, demand.model_copy(update={"schedule": schedule}))
         jobs += [RunJob(shortened, name, duration_s, seed) for seed in seeds]
     made = simulate_all(jobs, options["workers"], on_run)
-    runs = iter(made)
+    fields = iter([each for each, _ in made])
     figures = {}
     for name in names:
         period = site.periods[name]
         skip_s = max(SKIP_S, duration_s / period.duration_s * period.skip_s)
-        kept = [next(runs).fields.between(skip_s, duration_s) for _ in seeds]
+        kept = [next(fields).between(skip_s, duration_s) for _ in seeds]
         figures[name] = period_statistics(kept, network.main_road.main_lanes)
-    return figures, merged(run.samples for run in made).statistics()
+    return figures, merged(samples for _, samples in made).statistics()
 
 
 def _line(number: int, simulated: dict[str, PeriodStatistics], vehicles: VehicleStatistics, off: float) -> str:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from scipy.stats import wasserstein_distance
 
 from harness.common.errors import InputError
+from harness.common.progress import progress_bar
 from harness.config.lists import names, seed_values
 from harness.lab.fidelity.fields import Fields, read_fields
 from harness.lab.fidelity.measured import MeasuredPeriod, MeasuredSite, measure, read_measured
@@ -28,27 +29,8 @@ from harness.lab.fidelity.statistics import period_statistics, targets
 from harness.truth.network.network import Network
 
 
-@dataclass(frozen=True)
-class Fidelity:
-    """How real the traffic is.
-
-    Attributes:
-        table: All figures, as ``fidelity.json`` holds them.
-        fields: By demand one simulated run's fields, and the recorded ones; none where these are not there.
-        samples: Simulated and recorded samples; None without recorded vehicles.
-    """
-
-    table: dict[str, Any]
-    fields: Mapping[str, tuple[Fields, Fields]]
-    samples: tuple[BehaviourSamples, BehaviourSamples] | None
-
-
-def asked_demands(site: MeasuredSite, network: Network, options: FidelityOptions) -> tuple[str, ...]:
-    """Return the demands to be compared.
-
-    Raises:
-        InputError: One was not measured, the network has none of that name, or the runs are too short.
-    """
+def _asked_demands(site: MeasuredSite, network: Network, options: FidelityOptions) -> tuple[str, ...]:
+    """Return the demands to be compared, or raise ``InputError``."""
     asked = options["demand"]
     demands = tuple(site.periods) if asked is None else names(asked, "--demand", "us101-0805")
     for demand in demands:
@@ -62,24 +44,32 @@ def asked_demands(site: MeasuredSite, network: Network, options: FidelityOptions
     return demands
 
 
-def compare_traffic(network: Network, options: FidelityOptions, on_run: Callable[[], None]) -> Fidelity:
+def compare_traffic(
+    network: Network, options: FidelityOptions
+) -> tuple[dict[str, Any], dict[str, tuple[Fields, Fields]], tuple[BehaviourSamples, BehaviourSamples] | None]:
     """Simulate the periods and compare them with what was measured.
 
+    Returns:
+        All figures, as ``fidelity.json`` holds them; by demand one simulated run's fields, and the recorded ones, none
+        where these are not there; simulated and recorded samples, None without recorded vehicles.
+
     Raises:
-        InputError: The network has no measurements, a demand was not measured, or a file cannot be read.
+        InputError: The network has no measurements or no such demand, a demand was not measured, the runs are too
+            short, or a file cannot be read.
     """
     site, lanes = read_measured(network), network.main_road.main_lanes
     recorded_fields: Fields | None = None
     if options["fields"] is not None:
         recorded_fields = read_fields(options["fields"])
         site = measure(site, recorded_fields, lanes)
-    demands, seeds = asked_demands(site, network, options), list(seed_values(options["seeds"]))
+    demands, seeds = _asked_demands(site, network, options), list(seed_values(options["seeds"]))
     files = recording_files(options["recordings"] or ())
     recorded = recorded_samples(files, network.name) if files else None
     jobs = [RunJob(network, demand, 60.0 * options["minutes"], seed) for demand in demands for seed in seeds]
-    runs = simulate_all(jobs, options["workers"], on_run)
+    with progress_bar("fidelity", len(jobs), options["quiet"], before="fidelity: the first simulations") as advance:
+        runs = simulate_all(jobs, options["workers"], advance)
     of_demand = {demand: runs[k * len(seeds) : (k + 1) * len(seeds)] for k, demand in enumerate(demands)}
-    samples = None if recorded is None else (merged(run.samples for run in runs), recorded)
+    samples = None if recorded is None else (merged(own for _, own in runs), recorded)
     left_out = []
     if recorded_fields is None:
         left_out.append("speed fields of the road: the recorded ones are not there; give their folder as `fields`")
@@ -103,8 +93,8 @@ def compare_traffic(network: Network, options: FidelityOptions, on_run: Callable
         period = site.periods[demand]
         if recorded_fields is not None:
             whole = recorded_fields.between(period.start_s, period.start_s + period.duration_s)
-            shown[demand] = own[0].fields, whole
-    return Fidelity(table, shown, samples)
+            shown[demand] = own[0][0], whole
+    return table, shown, samples
 
 
 def distances(simulated: BehaviourSamples, recorded: BehaviourSamples) -> dict[str, dict[str, Any]]:
@@ -139,7 +129,7 @@ def _sides(unit: str, distance: float, means: Sequence[Any], numbers: Sequence[i
 
 
 def _period(runs: Sequence[SimulatedRun], period: MeasuredPeriod, duration_s: float, lanes: int) -> dict[str, Any]:
-    kept = [run.fields.between(period.skip_s, duration_s) for run in runs]
+    kept = [fields.between(period.skip_s, duration_s) for fields, _ in runs]
     simulated = period_statistics(kept, lanes)
     return {
         "sim": asdict(simulated),

@@ -11,11 +11,8 @@ from matplotlib.figure import Figure
 
 from harness.common.files import save_figure, write_text, writing
 from harness.common.markdown import markdown_table, show_markdown
-from harness.common.progress import progress_bar
-from harness.config.lists import seed_values
-from harness.lab.fidelity.comparison import asked_demands, compare_traffic
+from harness.lab.fidelity.comparison import compare_traffic
 from harness.lab.fidelity.fields import CELL_M, Fields
-from harness.lab.fidelity.measured import read_measured
 from harness.lab.fidelity.options import FidelityOptions
 from harness.lab.fidelity.samples import UNITS
 from harness.truth.network.network import load_network
@@ -37,21 +34,18 @@ def judge_traffic(options: FidelityOptions) -> dict[str, Any]:
         InputError: The network has no measurements, a demand was not measured, or a file can't be read or written.
     """
     network, out = load_network(str(options["net"] or "us101")), options["out"]
-    demands = asked_demands(read_measured(network), network, options)
-    runs, title = len(demands) * len(seed_values(options["seeds"])), "fidelity: the first simulations"
-    with progress_bar("fidelity", runs, options["quiet"], before=title) as advance:
-        result = compare_traffic(network, options, advance)
+    table, fields, samples = compare_traffic(network, options)
     with writing("out", out):
         out.mkdir(parents=True, exist_ok=True)
-        write_text(out / "fidelity.json", json.dumps(result.table, indent=2) + "\n")
-        write_text(out / "fidelity.md", as_markdown(result.table))
-        for demand, (simulated, recorded) in result.fields.items():
+        write_text(out / "fidelity.json", json.dumps(table, indent=2) + "\n")
+        write_text(out / "fidelity.md", as_markdown(table))
+        for demand, (simulated, recorded) in fields.items():
             save_figure(speed_fields(demand, simulated, recorded), out / f"speed_field_{demand}.png")
-        if result.samples is not None:
-            save_figure(distributions(*(side.by_quantity for side in result.samples)), out / "distributions.png")
+        if samples is not None:
+            save_figure(distributions(*(side.by_quantity for side in samples)), out / "distributions.png")
     if not options["quiet"]:
-        show_markdown(as_markdown(result.table), on_stderr=True)
-    return result.table
+        show_markdown(as_markdown(table), on_stderr=True)
+    return table
 
 
 def as_markdown(table: Mapping[str, Any]) -> str:

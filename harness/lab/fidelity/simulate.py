@@ -15,13 +15,8 @@ from harness.lab.fidelity.samples import BehaviourSamples, samples_of
 from harness.truth.network.network import Network
 from harness.truth.sumo.simulation import open_traffic
 
-
-@dataclass(frozen=True)
-class SimulatedRun:
-    """The fields of a simulated run, and samples of what its vehicles did."""
-
-    fields: Fields
-    samples: BehaviourSamples
+SimulatedRun = tuple[Fields, BehaviourSamples]
+"""The fields of a simulated run, and samples of what its vehicles did."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +35,7 @@ class RunJob:
             frames = list(truth.frames())
         finally:
             truth.close()
-        samples = samples_of(frames, self.network.section_m, truth.step_s)
-        return SimulatedRun(fields_from_frames(frames, truth.step_s), samples)
+        return fields_from_frames(frames, truth.step_s), samples_of(frames, self.network.section_m, truth.step_s)
 
 
 def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[SimulatedRun]:

@@ -15,7 +15,6 @@ from harness.lab.fidelity.comparison import distances
 from harness.lab.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields
 from harness.lab.fidelity.measured import read_measured
 from harness.lab.fidelity.samples import UNITS, BehaviourSamples
-from harness.lab.fidelity.simulate import SimulatedRun
 from harness.truth.network.network import load_network
 
 FIELDS = Path(os.environ.get("MMPF_REALDATA", "no recordings")) / "us101_fields"
@@ -39,7 +38,7 @@ def no_sumo(monkeypatch):
     """Put made-up runs in SUMO's place."""
 
     def made_up(jobs, workers, on_done):
-        return [SimulatedRun(wavy_fields(round(job.duration_s / BIN_S)), some_samples()) for job in jobs]
+        return [(wavy_fields(round(job.duration_s / BIN_S)), some_samples()) for job in jobs]
 
     monkeypatch.setattr(comparison, "simulate_all", made_up)
     monkeypatch.setattr(calibration, "simulate_all", made_up)
@@ -201,7 +200,7 @@ def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_l
 
     def made_up(jobs, workers, on_done):
         seeds.append([job.seed for job in jobs])
-        return [SimulatedRun(wavy_fields(180, mean=8.0 + job.seed % 3), some_samples()) for job in jobs]
+        return [(wavy_fields(180, mean=8.0 + job.seed % 3), some_samples()) for job in jobs]
 
     monkeypatch.setattr(calibration, "simulate_all", made_up)
     arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0805", "--trials", "3", "--json", "--quiet"]
