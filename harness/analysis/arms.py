@@ -38,10 +38,8 @@ class Arms:
 
     Attributes:
         label: What is compared: tracker and model.
-        quantity: What the values are of.
         a: Values of the first arm, shape (n,).
         b: Values of the second, shape (n,) in the same order where paired, otherwise of any length.
-        layout: What they belong to.
         totals: Of ratios, what each is a ratio to, shapes (n,); None where all values count the same.
     """
 
@@ -118,7 +116,6 @@ class Pairing:
     Attributes:
         of_a: Rows of the first, shape (n,).
         of_b: Rows of the second, in the same order where paired, shape (m,).
-        layout: What they belong to.
         units: What the independent units are, in the plural.
         lacking: What each side lacks of the other's runs, a sentence each.
     """

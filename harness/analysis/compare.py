@@ -128,8 +128,6 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
     needs larger differences. Two single runs on the same traffic are paired vehicle by vehicle.
 
     Args:
-        a: The first side, the older one perhaps.
-        b: The second.
         rules: What is judged, and how much worse is put up with; None for the usual.
         allow_different: Whether different experiments are compared too, with what differs at the top.
 

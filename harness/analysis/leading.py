@@ -19,7 +19,6 @@ def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
 
     Args:
         runs: A row for each run: ``tracker``, ``setting`` in words, ``seed`` and ``score``.
-        quantity: What the score is.
 
     Returns:
         The sentence; empty with fewer than two trackers that have a score on the same traffic.

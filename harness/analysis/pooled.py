@@ -64,7 +64,6 @@ class Mean:
 
     Attributes:
         tracker: The tracker with its settings and model.
-        quantity: Key of the quantity.
         mean: The mean; None without a sample.
         ci95: Student's interval over files; None with fewer than two files.
         n: Samples behind it; of a ratio, what it is a ratio of, summed.

@@ -94,9 +94,6 @@ def label_of(a: Source, b: Source) -> str:
 def evidence_of(folder: Path) -> Evidence:
     """Return what scoring finds out about a run, from the tables in its folder.
 
-    Args:
-        folder: The folder of a finished run.
-
     Raises:
         InputError: A table is missing or broken.
     """

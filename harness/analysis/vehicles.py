@@ -74,7 +74,6 @@ def ratio_by_vehicle(values: FloatArray, vehicle: IntArray, vehicles: int, scale
     Args:
         values: Value of each row, shape (n,).
         vehicle: Vehicle of each row, from 0, shape (n,).
-        vehicles: Number of all vehicles.
         scale: What the mean is multiplied by.
     """
     counts = np.bincount(vehicle, minlength=vehicles).astype(np.float64)

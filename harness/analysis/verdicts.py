@@ -135,7 +135,6 @@ class MetricDifference:
     """The difference of one metric of a tracker and model.
 
     Attributes:
-        effect: The difference with its uncertainty.
         pairs: Number of pairs, or of values of the smaller arm where not paired.
         same: Whether every value of b is that of a.
         wanting: What is missing for a verdict, in words; empty where nothing is.
@@ -192,7 +191,6 @@ def judge(measured: Sequence[MetricDifference], rules: Rules | None = None) -> l
     """Give a verdict on every metric that is judged, and describe the others.
 
     Args:
-        measured: The differences.
         rules: What is judged, and how much worse is put up with; None for the usual.
 
     Returns:

@@ -31,9 +31,6 @@ class Numbers:
     """What the numbers of one column or attribute may be; finite in any case.
 
     Attributes:
-        least: The smallest that is allowed.
-        most: The largest that is allowed.
-        whole: Whether they are whole numbers.
         rising: Whether each is above the one before it.
         gaps: Whether nan may stand for one that is not told.
     """
@@ -48,8 +45,6 @@ class Numbers:
         """Refuse numbers of any shape of which one is not allowed.
 
         Args:
-            name: What they are, for the message.
-            values: The numbers, in rows.
             of: What a row is called, from its number if they differ.
 
         Raises:
@@ -114,10 +109,8 @@ def check_numbers(
 
     Args:
         place: The file, or the option and the file.
-        columns: The numbers by the column's name.
         allowed: What those of each column may be; a column that is not there is not looked at.
         of: What a row is called, from its number if they differ.
-        fix: What the user may do about it.
 
     Raises:
         InputError: One is not; the message names file, column, row and fix.

@@ -95,7 +95,6 @@ def streamed(
     Args:
         work: The work, called with the function that sends; None says that it goes on, and gives it no more time.
         place: What is read, for messages.
-        limits: What the fork may use.
         folders: The folders beneath which it may write; it works in the first.
 
     Raises:

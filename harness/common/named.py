@@ -30,9 +30,7 @@ def named(registry: Catalogue[T], option: str, name: str) -> T:
     """Return the entry of a name.
 
     Args:
-        registry: Where it is looked up.
         option: The option that the name was given for.
-        name: The name.
 
     Raises:
         InputError: There is none of that name, or it can't be had.

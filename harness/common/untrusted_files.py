@@ -26,10 +26,6 @@ MOST_TEXT_BYTES = 16 * MB
 def checked_path(path: Path, parameter: str) -> Path:
     """Return a path that the system can have.
 
-    Args:
-        path: What the user or a file named.
-        parameter: Parameter that named it, for the message.
-
     Raises:
         InputError: A part of it is longer than a name may be, or holds what no name may.
     """
@@ -50,7 +46,6 @@ def check_file(path: Path, parameter: str | None = None) -> None:
     A file that is missing passes: whoever reads it says so in words of its own.
 
     Args:
-        path: The file.
         parameter: Parameter that named it, for the message; None where the file alone is named.
 
     Raises:
@@ -70,10 +65,6 @@ def check_file(path: Path, parameter: str | None = None) -> None:
 
 def require_file(path: Path, place: object) -> None:
     """Refuse what is no regular file.
-
-    Args:
-        path: The file.
-        place: What names it, for the message.
 
     Raises:
         InputError: It does not exist, or is a folder, a pipe or a device.

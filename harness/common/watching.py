@@ -38,7 +38,6 @@ def watched(command: str, arguments: Sequence[str]) -> int:
 
     Args:
         command: ``module:function``, which takes the command's words and returns an exit code.
-        arguments: These words.
     """
     open_missing_streams()
     if hasattr(sys.stderr, "reconfigure"):
@@ -74,7 +73,6 @@ def survived(function: str, arguments: tuple[object, ...], named: str) -> Any:  
 
     Args:
         function: ``module:attribute``; what it takes and returns goes through ``pickle``.
-        arguments: What it takes.
         named: The external code that it uses, for messages.
 
     Raises:

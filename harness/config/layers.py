@@ -150,7 +150,6 @@ def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: P
     Args:
         in_file: The file's content.
         chosen: What the user's options and settings say, without the file.
-        file: The file, for the message.
 
     Raises:
         InputError: It would be imported.

@@ -264,7 +264,6 @@ def checked(table: type, options: Mapping[str, object], call: str) -> dict[str, 
     """Return options as the rest of the package takes them: plain Python values, paths as the table has them.
 
     Args:
-        table: The table of options.
         options: Values by name; None where not given.
         call: What was called, for the message.
 

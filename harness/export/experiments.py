@@ -24,7 +24,6 @@ class LoggedRun:
     """A run as an experiment tracker holds it.
 
     Attributes:
-        name: What it is called.
         metrics: Its finite numbers by their keys in ``metrics.json``.
         tags: What tells it from others: network, density, tracker, seed and so on.
         settings: What was set, by the setting's name.

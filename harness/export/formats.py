@@ -202,9 +202,7 @@ def check_replaceable_file(path: Path, element: str, force: bool) -> None:
     """Refuse to replace a file without ``--force``, or one that is not such an export.
 
     Args:
-        path: The file.
         element: The XML element that it begins with if it is such an export.
-        force: Whether an earlier export may be replaced.
 
     Raises:
         InputError: The file must not be replaced.

@@ -27,7 +27,6 @@ def export(results: Path, folder: Path) -> list[Path]:
 
     Args:
         results: Folder of a finished run or of a grid.
-        folder: An existing folder.
 
     Returns:
         The files: ``logged.json``, and those of the store if it is there.

@@ -54,8 +54,6 @@ def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float
     A cell whose worker disappears is given to another one; its runs are made again.
 
     Args:
-        client: The cluster.
-        cells: What to run.
         timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
         on_row: Called with the key and row of every run once.
     """

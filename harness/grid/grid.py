@@ -139,9 +139,7 @@ class _Variant:
     """A tracker with settings of its own and, where it takes one, a model.
 
     Attributes:
-        label: What it is called.
         tracker: Its name and settings as they were written.
-        name: Its name.
     """
 
     label: str

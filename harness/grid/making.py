@@ -37,7 +37,6 @@ class Telling:
     """How the user is told of what goes on: lines that should be read, and what was read of each recording.
 
     Attributes:
-        quiet: Whether to leave out the progress bar.
         warn: Called with a line that should be read.
         tell: Called with what was read of each file of recorded traffic.
     """
@@ -89,13 +88,9 @@ def make_rows(
     """Make the rows of a grid that its folder lacks, then write their results.
 
     Args:
-        making: What is made.
-        out: The folder.
-        execute: Runs the cells.
         write_outcome: Writes what all rows tell into the folder, and returns it.
         resume: Whether rows that the folder already holds are kept.
         retry_failed: Whether those of them that failed are made again.
-        user: How the user is told of what goes on.
 
     Raises:
         InputError: The folder is wrong; no run was made.

@@ -61,8 +61,6 @@ def run_stress(
     """Run a grid and write its folder.
 
     Args:
-        request: The grid.
-        out: The folder.
         execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
         resume: Whether runs that the folder already holds are kept.
         retry_failed: Whether those of them that failed are made again.

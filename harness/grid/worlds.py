@@ -86,8 +86,6 @@ def chosen_worlds(asked: str | None, sensor: SensorSettings, *, of_finished: boo
 
     Args:
         asked: Names with commas between, or ``all``; None for the usual ones, of finished runs all.
-        sensor: The sensor's figures.
-        of_finished: Whether they are for finished runs.
 
     Raises:
         InputError: There is no such world, or finished runs can not show it.

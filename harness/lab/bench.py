@@ -57,8 +57,6 @@ class TimedTracker:
     """A tracker on its way through a scene, with the times in ms of its steps so far.
 
     Attributes:
-        name: What it is called.
-        tracker: The tracker.
         model: Name of its motion model, None where it has its own.
         particles: Particles per vehicle, None where there are none.
         ms: Wall times.

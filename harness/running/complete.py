@@ -111,7 +111,6 @@ def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.D
 
     Args:
         found: Rows as they were read; None if every vehicle that is not hidden counts as detected.
-        truth: The table of truth.
         clock: See ``truth_table``.
     """
     if found is None:

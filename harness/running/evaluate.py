@@ -181,8 +181,6 @@ def evaluation_of(
     """Return the evaluation that a configuration describes; its tracker sees only what the configuration allows.
 
     Args:
-        config: The configuration.
-        snapshots: What it tracks.
         keepers: What is kept beside what every run keeps, by the file of its table.
         writer: Writes each stretch; None keeps the run in memory.
 
@@ -211,10 +209,6 @@ def write_run(
     """Write the folder of a run that is in memory, without pictures; half a folder is none.
 
     Args:
-        folder: The folder.
-        evaluated: What the run gave.
-        metrics: Content of its ``metrics.json``.
-        config: Its configuration.
         command: What makes it again.
         inputs: SHA-256 of each input file.
     """

@@ -104,7 +104,6 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     """Read a run folder.
 
     Args:
-        parameter: Parameter that named it, for the message.
         most_rows: Rows of the truth after which no further stretch of a long run is read; None reads them all.
 
     Raises:

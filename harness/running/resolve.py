@@ -138,7 +138,6 @@ def external_code(config: RunConfig, *, but_tracker: bool) -> str:
     """Return the names in a run's configuration whose code is not part of this program, for messages.
 
     Args:
-        config: The configuration.
         but_tracker: Whether the tracker's name says nothing, as where the caller hands over its factory.
     """
     recording = config.traffic.recording

@@ -54,11 +54,7 @@ class Pictured:
 
     Attributes:
         title: What was run, in a few words.
-        road: The lanes.
-        sensor: The sensor's data sheet.
         errors: Rows of the error table, of a long run those of some steps.
-        metrics: The run's scores.
-        moment: The moment that is seen from above.
         diagnostics: What the tracker told of each step; None of one that tells nothing.
     """
 
@@ -272,7 +268,6 @@ def kept_metrics(
     A run that was interrupted begins anew, since neither a simulator nor a tracker can go on in the middle.
 
     Args:
-        out: The folder.
         open_snapshots: Opens the traffic, whose files are compared with those of the run.
         tell: Called with a sentence on what is kept.
 

@@ -74,7 +74,6 @@ class SnapshotStream:
         Args:
             sheet: Values in place of those of the data sheet, by name.
             noise_factor: Factor on the deviations that detections report to trackers; None for none.
-            tells_signals: Whether they are told the states of signals.
 
         Raises:
             InputError: Together with the data sheet the values make no sense.

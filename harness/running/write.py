@@ -26,8 +26,6 @@ class RunWriter:
     """Writes a run's tables stretch by stretch, and at its end what is to be said of it.
 
     Attributes:
-        folder: The folder.
-        seed: Root seed of the run.
         command: What made it.
         inputs: SHA-256 of each input file.
         code: SHA-256 of the code that decides results.

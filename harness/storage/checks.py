@@ -42,7 +42,6 @@ def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: 
     """Return a table, which is unpacked in a process of its own.
 
     Args:
-        path: The file.
         parameter: Parameter that named it, for messages.
         until: The rows that are wanted; None for all.
         noted: How many rows the run has written; None if that is not known.

@@ -32,7 +32,6 @@ class RunFacts:
         command: What the user typed.
         steps: Finished steps; of a grid, finished runs.
         inputs: SHA-256 of each input file.
-        wall_times_s: Wall time of each phase.
         rows: Rows of each of the run's tables, by file.
         code: SHA-256 of the code that decides results, by package or module.
         files: SHA-256 of each file of results, by which one that was edited is recognised.

@@ -192,8 +192,6 @@ def read_table(
     """Return one of the tables of a run folder.
 
     Args:
-        folder: The run folder.
-        name: File name of the table.
         parameter: Parameter that named the folder, for the message.
         columns: Columns that it must have, whose content is checked; None for all that its kind of table has.
         until: The rows that are wanted; None for all.
@@ -235,10 +233,6 @@ def write_road(road: Road, path: Path) -> None:
 
 def read_road(path: Path, parameter: str) -> Road:
     """Return the road that a file holds.
-
-    Args:
-        path: The file.
-        parameter: Parameter that named it, for the message.
 
     Raises:
         InputError: The file is missing or broken.

@@ -129,13 +129,6 @@ def keep_as_baseline(finished: FinishedGrid, name: str, baseline: Path) -> Path:
 def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) -> FinishedGrid:
     """Run a suite.
 
-    Args:
-        name: Its name.
-        out: Folder to write.
-        workers: Number of worker processes.
-        resume: Whether runs that the folder already holds are kept.
-        quiet: Whether to leave out the progress bar.
-
     Raises:
         InputError: There is no such suite, or the folder is wrong.
     """

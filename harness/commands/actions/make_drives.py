@@ -25,7 +25,6 @@ def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> Fin
     Args:
         options: Options by name, as ``DriveOptions`` has them.
         command: What the manifest says of how it was called.
-        quiet: Whether to leave out the progress bar.
 
     Raises:
         InputError: An option or the folder is wrong; nothing was driven.

@@ -43,10 +43,6 @@ def calibrate(options: CalibrationOptions, say: Callable[[str], object]) -> tupl
     (Polyak and Juditsky, Acceleration of stochastic approximation by averaging, 1992). The candidate that the last
     trial leads to is averaged with the others.
 
-    Args:
-        options: What is asked for.
-        say: Called with a line on each trial.
-
     Returns:
         The content of ``calibration.json``; the folder and, if it was asked for, the network's file.
 

@@ -36,8 +36,6 @@ class Fields:
 
     Attributes:
         speed_mps: Space-mean speed; nan where no vehicle was.
-        flow_veh_per_s: Flow.
-        density_veh_per_m: Density.
     """
 
     speed_mps: FloatArray

@@ -54,7 +54,6 @@ def period_statistics(pieces: Sequence[Fields], lanes: int = MAIN_LANES) -> Peri
 
     Args:
         pieces: Fields of the period: one if it was recorded, one for each seed if it was simulated.
-        lanes: Number of main lanes.
     """
     flow = np.concatenate([piece.flow_veh_per_s for piece in pieces], axis=1)
     density = np.concatenate([piece.density_veh_per_m for piece in pieces], axis=1)

@@ -62,11 +62,6 @@ def change_samples(
 
     Gaps of missing neighbours scatter about 100 m and the two distances to the line scatter by 10 cm: constants and
     copies among the inputs would leave the covariances singular.
-
-    Args:
-        changes: Windows around lane changes.
-        rng: Source of all scatter.
-        scatter: How far samples are moved off the recorded path.
     """
     now, then = changes.state[:, :, :-1], changes.state[:, :, 1:]
     astray = _astray(scatter, now.shape[1:], rng)

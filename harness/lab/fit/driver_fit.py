@@ -38,11 +38,7 @@ def fit_driver(
     seed: int,
     progress: Callable[[str], None],
 ) -> tuple[DriverModel, MixtureFollower]:
-    """Fit the learned driver; its follower is returned beside it.
-
-    Args:
-        changes_per_s: How often drivers change lanes to one side.
-    """
+    """Fit the learned driver; its follower is returned beside it."""
     follower = fit_follower(windows, components, seed, progress)
     free = _fit_free(taken(windows, ~windows.has_leader))
     return DriverModel(follower, free, _fit_keeper(windows, changes_per_s)), follower

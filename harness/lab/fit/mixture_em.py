@@ -28,7 +28,6 @@ def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int) -> Sca
     Args:
         x: Inputs, shape (n, p).
         y: Outputs, shape (n, q).
-        components: Number of components.
         seed: Seed of the k-means start; the same samples and seed give the same mixture.
     """
     samples, scaling = _standardised(x, y)

@@ -53,8 +53,6 @@ def fit_recurrent(
     Args:
         windows: Windows of 10 s with and without leaders.
         seed: Seed of the first weights, the choice of windows and the noise.
-        say: Told the score now and then.
-        iterations: Steps of the search.
 
     Raises:
         InputError: JAX is not installed.

@@ -178,7 +178,6 @@ def score_and_gradient(weights: Weights, scaling: NetworkWeights, rollouts: Roll
     Args:
         weights: The network's weights by name, the lag as its logit.
         scaling: A network of which the scaling is taken.
-        rollouts: What is rolled out.
     """
     place, speed, tape = _roll(weights, scaling, rollouts)
     steps = SCORED_STEPS[len(place) > SCORED_STEPS]

@@ -114,8 +114,6 @@ def model_of(plan: StudyPlan, name: str, keeps_lane: bool) -> MotionModel:
     """Return a model, from the plan's file if that is of it.
 
     Args:
-        plan: The file, and the models chosen.
-        name: The model's name.
         keeps_lane: Whether the model is to know that a vehicle keeps its lane.
 
     Raises:

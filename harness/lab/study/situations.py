@@ -60,7 +60,6 @@ def situation_rows(
 
     Args:
         plan: Models, cases of each situation, particles and seed.
-        parts: Recordings and their roads.
         steps: States of a window.
         progress: Called after each situation and model.
 

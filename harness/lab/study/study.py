@@ -66,11 +66,7 @@ def run_study(
     """Follow every case with every model under every occlusion; all models get the same measurements.
 
     Args:
-        study: Name of the study.
-        cases: The cases.
         models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
-        particles: Particles per case.
-        seed: Seed of measurements and particles.
         progress: Called after each model and occlusion.
     """
     noise = MeasurementNoise()
@@ -102,9 +98,7 @@ def score_row(scores: Scores, steps: int | slice, horizon_s: float | None) -> di
     """Return the numbers of one horizon, or of the mean over several steps.
 
     Args:
-        scores: Errors, coverage and sharpness.
         steps: Which steps, counted from the first one after the start.
-        horizon_s: What is written for the horizon.
     """
     rng = np.random.default_rng(0)
 

@@ -82,7 +82,6 @@ class RecordedSnapshots:
 
     Attributes:
         density: Vehicles per km and lane.
-        broken_down: Vehicles that stand broken down in the main lanes.
         hard_share: Share of vehicles that are hard to detect, see ``HARD_TO_DETECT``.
     """
 
@@ -159,7 +158,6 @@ def search(
 
     Args:
         follow_batch: Follows one batch of recordings with given options, and returns the scores on each.
-        batches: How many batches there are.
         budget: Number of trials, those that are stopped among them.
         refused: Returns why a setting must not count, or nothing.
 

@@ -17,12 +17,7 @@ _LONGEST_ROAD_M = 0.5 * _LANE_KEY
 
 @dataclass(frozen=True)
 class Ordering:
-    """Rows of a recording sorted by step, lane and position, for fast look-ups.
-
-    Attributes:
-        key: Sorted keys, shape (rows,).
-        row: Row behind each key, shape (rows,).
-    """
+    """Rows of a recording sorted by step, lane and position, for fast look-ups."""
 
     key: FloatArray
     row: IntArray

@@ -44,7 +44,6 @@ def on_map(recording: Recording, graph: LaneGraph) -> OnMap:
 
     Args:
         recording: Traffic whose positions are x and y, and whose lanes are numbered from 1 as in the graph.
-        graph: The lanes.
     """
     order = np.lexsort((recording.step, recording.vehicle))
     order = order[recording.lane[order] > 0]
