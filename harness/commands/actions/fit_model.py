@@ -32,8 +32,7 @@ def fit_model(options: Mapping[str, Any]) -> None:
     case = options["case"]
     seeds = options["seeds"] or {"lane-change": "1000:1003"}.get(case, "1000:1002")
     traffic = seed_values(seeds)
-    first, count = traffic.start, len(traffic)
-    if first < FIRST_TRAINING_SEED:
+    if traffic.start < FIRST_TRAINING_SEED:
         raise InputError(
             f"`seeds` {seeds}: seeds below {FIRST_TRAINING_SEED} are kept for tuning and reporting; "
             f"give {FIRST_TRAINING_SEED} and up"
@@ -52,7 +51,7 @@ def fit_model(options: Mapping[str, Any]) -> None:
         paths = [train_turning(networks, traffic, options["cache"], options["out"], say)]
     else:
         plan = TrainingPlan(
-            *(case, options["components"], first, count, options["seed"]),
+            *(case, options["components"], traffic, options["seed"]),
             *(options["cache"], options["out"]),
             _densities(options["densities"]),
             options["duration"] or TRAINING_DURATION_S,

@@ -41,7 +41,6 @@ def make_study_of(options: Mapping[str, Any]) -> None:
     """
     case, net, quiet = options["case"], options["net"] or "us101", options["quiet"]
     traffic = seed_values(options["seeds"] or ("0:4" if case == "ablation" else "0:2"))
-    first, count = traffic.start, len(traffic)
     folder = options["out"] or Path("results") / f"study-{case}"
 
     def say(line: str) -> None:
@@ -49,14 +48,14 @@ def make_study_of(options: Mapping[str, Any]) -> None:
             typer.echo(line, err=True)
 
     if case == "ablation":
-        numbers, text = _make_ablation(net, f"{first}:{first + count}", folder, quiet)
+        numbers, text = _make_ablation(net, f"{traffic.start}:{traffic.stop}", folder, quiet)
     else:
         chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
         if options["models"] is not None and not chosen:
             raise InputError(f"`models` {options['models']}: it names no model; for example `models` gmm,cvm")
         cases = published.StudyPlan(
             *(case, chosen, options["model_file"], options["cases"], options["particles"], options["seed"]),
-            *(first, count, options["cache"]),
+            *(traffic, options["cache"]),
         )
         network = load_network(net)
         if case == situations.SITUATIONS:

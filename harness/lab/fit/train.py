@@ -31,12 +31,12 @@ from harness.lab.windows.cases import cases_of, lane_change_cases
 from harness.lab.windows.changing import LaneChanges, changes_to_one_side_per_s, load_changes
 from harness.lab.windows.recording import (
     DENSITIES_VEH_PER_KM_LANE,
-    FIRST_TUNING_SEED,
+    HELD_OUT_SEEDS,
     TRAINING_DURATION_S,
     TUNING_DURATION_S,
+    first_to_last,
     load_all,
-    record_scenarios,
-    scenarios,
+    record_traffic,
     traffic_version,
 )
 from harness.truth.network.network import Network
@@ -52,7 +52,6 @@ LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 RESIDUAL, RECURRENT, EMPIRICAL = residual.CASE, recurrent.CASE, empirical.CASE
 PAPER_COMPONENTS = {LANE_KEEPING: 28, LANE_CHANGE: 60}
 CASES = (*PAPER_COMPONENTS, RESIDUAL, RECURRENT, EMPIRICAL)
-TUNING_SEEDS = 1
 HELD_OUT_SAMPLES = 20_000
 
 Say = Callable[[str], None]
@@ -64,14 +63,14 @@ class TrainingPlan:
 
     Attributes:
         case: One of ``CASES``.
+        traffic: Seeds of the traffic to train on.
         densities: Vehicles per kilometre and lane at which each seed is recorded, for held-out traffic too.
         duration_s: Length of each recording to train on.
     """
 
     case: str
     components: int | None
-    first_seed: int
-    seeds: int
+    traffic: range
     seed: int
     cache: Path | None
     out: Path
@@ -92,9 +91,10 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     """
     if plan.case not in CASES:
         raise InputError(f"`case` {plan.case}: no such case; give {', '.join(CASES)} or turning")
-    for_training = scenarios(plan.first_seed, plan.seeds, plan.duration_s, plan.densities)
-    for_tuning = scenarios(FIRST_TUNING_SEED, TUNING_SEEDS, TUNING_DURATION_S, plan.densities)
-    training, tuning = (record_scenarios(network, wanted, plan.cache, say) for wanted in (for_training, for_tuning))
+    training, tuning = (
+        record_traffic(network, seeds, duration_s, plan.cache, say, plan.densities)
+        for seeds, duration_s in ((plan.traffic, plan.duration_s), (HELD_OUT_SEEDS, TUNING_DURATION_S))
+    )
     plan.out.mkdir(parents=True, exist_ok=True)
     if plan.case == LANE_CHANGE:
         changes, held_changes = (load_changes(paths, network.road) for paths in (training, tuning))
@@ -236,7 +236,6 @@ def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralSca
 
 
 def _facts(plan: TrainingPlan, net: Network, samples: int, used: int) -> dict[str, str]:
-    beyond, held_beyond = plan.first_seed + plan.seeds, FIRST_TUNING_SEED + TUNING_SEEDS
     densities = ", ".join(f"{density:g}" for density in plan.densities)
     mixture, options = {}, ""
     if plan.case in PAPER_COMPONENTS:
@@ -249,10 +248,10 @@ def _facts(plan: TrainingPlan, net: Network, samples: int, used: int) -> dict[st
         options += f" --duration {plan.duration_s:g}"
     return {
         "Command": f"`python -m harness train --net {net.name} --case {plan.case} "
-        f"--seeds {plan.first_seed}:{beyond} --seed {plan.seed}{options}`",
+        f"--seeds {plan.traffic.start}:{plan.traffic.stop} --seed {plan.seed}{options}`",
         TRAFFIC: traffic_version(net),
         "Data": f"SUMO, of each seed {plan.duration_s:g} s at each of {densities} vehicles per km and lane",
-        "Seeds": f"trained on {plan.first_seed} to {beyond - 1}; held out {FIRST_TUNING_SEED} to {held_beyond - 1}",
+        "Seeds": f"trained on {first_to_last(plan.traffic)}; held out {first_to_last(HELD_OUT_SEEDS)}",
         "Samples": f"{samples} extracted, {used} of them with a leader or around a lane change",
         **mixture,
     }

@@ -13,7 +13,7 @@ from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.lab.fit.card import TRAFFIC, write_card
 from harness.lab.windows.onmap import OnMap, on_map
-from harness.lab.windows.recording import Scenario, joined_apart, load_all, record_scenarios, traffic_version
+from harness.lab.windows.recording import first_to_last, joined_apart, load_all, record_traffic, traffic_version
 from harness.truth.network.network import Network
 from mmpf.map.control import YIELD
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
@@ -69,7 +69,7 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
         "Command": f"`python -m harness train --case turning --net {names} --seeds {seeds.start}:{seeds.stop}`",
         TRAFFIC: ", ".join(map(traffic_version, networks)),
         "Data": f"SUMO, of each seed {DURATION_S:g} s at each of the networks' demands",
-        "Seeds": f"{seeds.start} to {seeds.stop - 1}",
+        "Seeds": first_to_last(seeds),
         "Moments": f"{sum(len(one.moments) for one in maps)} of drivers whom no leader holds",
     }
     return _write(out, fit_turning(maps), facts)
@@ -77,8 +77,8 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
 
 def _recorded(network: Network, seeds: range, cache: Path | None, say: Say) -> DrivenMap:
     demands = [network.demand_files[name].density_veh_per_km_lane for name in network.demands]
-    wanted = [Scenario(demand, seed, DURATION_S) for seed in seeds for demand in demands]
-    files = record_scenarios(network, wanted, None if cache is None else cache / network.name, say)
+    own_cache = None if cache is None else cache / network.name
+    files = record_traffic(network, seeds, DURATION_S, own_cache, say, demands)
     graph = cast("LaneGraph", network.road.graph)
     laid = [on_map(recording, graph) for recording in load_all(files)]
     return DrivenMap(graph, joined_apart([taken(one, one.free) for one in laid], "driver"))

@@ -15,7 +15,7 @@ from harness.lab.windows.car_following import load_following
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
 from harness.lab.windows.filtering import MeasurementNoise
-from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, record_scenarios, scenarios
+from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, first_to_last, record_traffic
 from harness.trackers.mmpf import MODEL_LOADERS
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.model_file import ModelFileError
@@ -37,7 +37,7 @@ class StudyPlan:
 
     Attributes:
         model_file: The user's own fitted model in place of the bundled one: of ``gmm``, or of the one model chosen.
-        traffic_seeds: Number of seeds, each of which drives every density.
+        traffic: Seeds, each of which drives every density.
     """
 
     study: str
@@ -46,8 +46,7 @@ class StudyPlan:
     cases: int = 240
     particles: int = 1000
     seed: int = 0
-    first_traffic_seed: int = 0
-    traffic_seeds: int = 2
+    traffic: range = range(2)
     cache: Path | None = None
 
     @property
@@ -65,7 +64,7 @@ class StudyPlan:
         return {
             "network": network.name,
             "densities_veh_per_km_lane": list(DENSITIES_VEH_PER_KM_LANE),
-            "traffic_seeds": f"{self.first_traffic_seed} to {self.first_traffic_seed + self.traffic_seeds - 1}",
+            "traffic_seeds": first_to_last(self.traffic),
             "cases": cases,
             "particles": self.particles,
             "seed": self.seed,
@@ -102,8 +101,7 @@ def make_study(
 
 def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
     """Return a study's cases; their traffic is recorded where it is not yet."""
-    wanted = scenarios(plan.first_traffic_seed, plan.traffic_seeds, REPORTING_DURATION_S)
-    paths = record_scenarios(network, wanted, plan.cache, say)
+    paths = record_traffic(network, plan.traffic, REPORTING_DURATION_S, plan.cache, say)
     rng = np.random.default_rng([plan.seed, 0])
     if plan.study == LANE_KEEPING:
         return following_cases(load_following(paths, network.road), plan.cases, rng)

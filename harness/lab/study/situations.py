@@ -25,9 +25,8 @@ from harness.lab.windows.recording import (
     Recording,
     joined_apart,
     load_all,
-    record_scenarios,
+    record_traffic,
     recording_of,
-    scenarios,
 )
 from harness.lab.windows.scores import HORIZONS_S, score
 from harness.truth.frame import STEP_S
@@ -82,8 +81,8 @@ def situation_rows(
 
 def simulated_parts(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> list[Part]:
     """Return a plan's traffic, recorded where it is not yet."""
-    wanted = scenarios(plan.first_traffic_seed, plan.traffic_seeds, REPORTING_DURATION_S)
-    return [(part, network.road) for part in load_all(record_scenarios(network, wanted, plan.cache, say))]
+    paths = record_traffic(network, plan.traffic, REPORTING_DURATION_S, plan.cache, say)
+    return [(part, network.road) for part in load_all(paths)]
 
 
 def recorded_parts(folder: Path) -> list[Part]:

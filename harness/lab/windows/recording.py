@@ -5,7 +5,7 @@ Seeds serve training, tuning or reporting: no seed serves two purposes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
 from pathlib import Path
@@ -23,24 +23,10 @@ from mmpf.numerics.arrays import FloatArray, IntArray, Rows, joined
 
 DENSITIES_VEH_PER_KM_LANE = (8.0, 15.0, 22.0, 29.0, 36.0, 43.0, 50.0, 57.0)
 FIRST_TRAINING_SEED = 1000
-FIRST_TUNING_SEED = 100
+HELD_OUT_SEEDS = range(100, 101)
 TRAINING_DURATION_S = 200.0
 TUNING_DURATION_S = 100.0
 REPORTING_DURATION_S = 60.0
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """One stretch of simulated traffic at a demanded density."""
-
-    density_veh_per_km_lane: float
-    seed: int
-    duration_s: float
-
-    @property
-    def file_name(self) -> str:
-        """Name of the recording's file."""
-        return f"density{self.density_veh_per_km_lane:g}-seed{self.seed}-{self.duration_s:g}s.npz"
 
 
 @dataclass(frozen=True)
@@ -121,14 +107,6 @@ def _rows(frame: Frame, numbers: dict[str, int]) -> tuple[npt.NDArray[np.generic
     )
 
 
-def scenarios(
-    first_seed: int, count: int, duration_s: float, densities: Sequence[float] = DENSITIES_VEH_PER_KM_LANE
-) -> list[Scenario]:
-    """Return scenarios of ``count`` seeds, each at every density."""
-    seeds = range(first_seed, first_seed + count)
-    return [Scenario(density, seed, duration_s) for seed in seeds for density in densities]
-
-
 def joined_apart(parts: Sequence[Rows], identity: str) -> Rows:
     """Return several structs of arrays as one; what a column of numbers tells apart in each stays apart."""
     numbers = [getattr(part, identity) for part in parts]
@@ -137,26 +115,35 @@ def joined_apart(parts: Sequence[Rows], identity: str) -> Rows:
     return reduce(joined, apart)
 
 
+def first_to_last(seeds: range) -> str:
+    """Return seeds in words."""
+    return f"{seeds[0]} to {seeds[-1]}"
+
+
 def traffic_version(network: Network) -> str:
     """Return the name of a network's present traffic: it changes with the road, the vehicle types and the drivers."""
     return f"{network.name}-{network.fingerprint()}"
 
 
-def record_scenarios(
-    network: Network, wanted: Sequence[Scenario], cache: Path | None, say: Callable[[str], None]
+def record_traffic(
+    network: Network,
+    seeds: Iterable[int],
+    duration_s: float,
+    cache: Path | None,
+    say: Callable[[str], None],
+    densities: Sequence[float] = DENSITIES_VEH_PER_KM_LANE,
 ) -> list[Path]:
-    """Record every scenario, without an ego, that has no file yet, one line each to ``say``, and return the files.
+    """Record each seed at each density, without an ego, if it has no file yet, one line to ``say``; return the files.
 
     They lie in ``cache``, or without it in the usual folder, which differs for other drivers on the same network.
     """
     folder = cache or Path("results") / "cache" / "traffic" / traffic_version(network)
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / scenario.file_name for scenario in wanted]
-    for number, (scenario, path) in enumerate(zip(wanted, paths, strict=True), start=1):
+    wanted = [(density, seed) for seed in seeds for density in densities]
+    paths = [folder / f"density{density:g}-seed{seed}-{duration_s:g}s.npz" for density, seed in wanted]
+    for number, ((density, seed), path) in enumerate(zip(wanted, paths, strict=True), start=1):
         if not path.exists():
-            demand, duration_s = scenario.density_veh_per_km_lane, scenario.duration_s
-            truth = open_traffic(network, demand=demand, duration_s=duration_s, seed=scenario.seed, ego=False)
-            recording = record(truth)
+            recording = record(open_traffic(network, demand=density, duration_s=duration_s, seed=seed, ego=False))
             save_recording(recording, path)
             say(f"recorded {number}/{len(paths)}: {path.stem}, {len(recording)} rows")
     return paths

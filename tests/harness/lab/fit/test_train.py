@@ -39,7 +39,7 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     monkeypatch.setattr(train, "TUNING_DURATION_S", 30.0)
     monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
     places = tmp_path / "cache", tmp_path / "models"
-    plan = TrainingPlan("lane-keeping", 4, 1000, 1, 0, *places, densities=(8.0, 22.0), duration_s=40.0)
+    plan = TrainingPlan("lane-keeping", 4, range(1000, 1001), 0, *places, densities=(8.0, 22.0), duration_s=40.0)
     said: list[str] = []
     paths = train.train(plan, load_network("us101"), said.append)
     assert load_learned_driver(paths[0]).model.follower.following.mixture.inputs == 6

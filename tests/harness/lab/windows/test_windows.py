@@ -8,10 +8,9 @@ from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_
 from harness.lab.windows.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
 from harness.lab.windows.recording import (
     Recording,
-    Scenario,
     joined_apart,
     load_recording,
-    record_scenarios,
+    record_traffic,
     recording_of,
     save_recording,
 )
@@ -151,7 +150,6 @@ def test_a_recording_is_read_back_as_it_was_written(tmp_path):
 
 
 def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    scenarios = [Scenario(20.0, 1000 + k, 10.0) for k in range(3)]
     opened = []
 
     def open_traffic(network, *, seed, **_):
@@ -159,10 +157,10 @@ def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     monkeypatch.setattr("harness.lab.windows.recording.open_traffic", open_traffic)
-    for scenario in scenarios[:2]:
-        save_recording(traffic((0.0, 10.0, steady(2.0)), steps=2), tmp_path / scenario.file_name)
+    for seed in (1000, 1001):
+        save_recording(traffic((0.0, 10.0, steady(2.0)), steps=2), tmp_path / f"density20-seed{seed}-10s.npz")
     with pytest.raises(KeyboardInterrupt):
-        record_scenarios(load_network("us101"), scenarios, tmp_path, print)
+        record_traffic(load_network("us101"), range(1000, 1003), 10.0, tmp_path, print, [20.0])
     assert opened == [1002]
 
 
