@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -72,7 +71,7 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         "episode": times["episode"].tolist(),
         "range_m": run.sensor.range_m,
         "field_of_view_deg": run.sensor.field_of_view_deg,
-        "road": _road(run.road, run, reach_m),
+        "road": _plane(run.road, run, reach_m) if isinstance(run.road, LaneGraphRoad) else _strips(run),
         "vehicles": _vehicles(kept_truth, codes, names),
         "truth": _truth(kept_truth, run.errors, codes, steps),
         "detections": _detections(run.detections, steps, run.road),
@@ -118,9 +117,9 @@ def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
     return 35 * len(truth) + 12 * len(run.detections) + 37 * len(run.tracks) + 4 * particles
 
 
-@singledispatch
-def _road(road: Road, run: RecordedRun, reach_m: float) -> dict[str, Any]:  # noqa: ARG001
+def _strips(run: RecordedRun) -> dict[str, Any]:
     """Return the strips of a single road, and the ramps beside it."""
+    road = run.road
 
     def finite(value: float) -> float:
         return float(np.clip(value, -FAR_M, FAR_M))
@@ -133,8 +132,7 @@ def _road(road: Road, run: RecordedRun, reach_m: float) -> dict[str, Any]:  # no
     }
 
 
-@_road.register
-def _(road: LaneGraphRoad, run: RecordedRun, reach_m: float) -> dict[str, Any]:
+def _plane(road: LaneGraphRoad, run: RecordedRun, reach_m: float) -> dict[str, Any]:
     """Return the lanes and walls near the ego's way, as lines in the plane."""
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].iloc[::10]
     way = shapely.MultiPoint(ego[["lon_m", "lat_m"]].to_numpy()).buffer(reach_m)

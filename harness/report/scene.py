@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import singledispatch
 from itertools import pairwise
 from typing import Any
 
@@ -67,13 +66,9 @@ class PictureScene:
 
 
 def scene_figure(scene: PictureScene, title: str = "") -> Figure:
-    """Return a figure of the whole range."""
-    return _figure(scene.road, scene, title)
-
-
-@singledispatch
-def _figure(road: Road, scene: PictureScene, title: str) -> Figure:  # noqa: ARG001
-    """Return two strips of a single road: what lies ahead of the ego above, what lies behind it below."""
+    """Return a figure of the whole range: of a single road what lies ahead of the ego above, what lies behind below."""
+    if isinstance(scene.road, LaneGraphRoad):
+        return _plane_figure(scene, title)
     low, high = _road_edges(scene)
     overlap, range_m = 8.0, scene.range_m
     windows = ((-overlap, range_m + MARGIN_M), (-range_m - MARGIN_M, overlap))
@@ -90,8 +85,7 @@ def _figure(road: Road, scene: PictureScene, title: str) -> Figure:  # noqa: ARG
     return figure
 
 
-@_figure.register
-def _(road: LaneGraphRoad, scene: PictureScene, title: str) -> Figure:  # noqa: ARG001
+def _plane_figure(scene: PictureScene, title: str) -> Figure:
     """Return a network of many roads, north up."""
     figure = Figure(figsize=(9.0, 9.8), dpi=120, layout="constrained")
     axes = figure.subplots()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from harness.storage.schema import MODEL_FILE
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import NO_LANE, Road
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
 def timing_table(
@@ -53,60 +52,13 @@ AROUND_EGO_M = 100.0
 
 
 @dataclass
-class _Section:
-    """Where vehicles count for the ``traffic`` table on a single road."""
-
-    section_m: tuple[float, float]
-
-    def counts(self, truth: pd.DataFrame) -> BoolArray:
-        return np.asarray(truth["lon_m"].between(*self.section_m).to_numpy() & (truth["lane"].to_numpy() != NO_LANE))
-
-    def per_km(self, vehicle_steps: int, steps: int) -> float:
-        return vehicle_steps / steps / ((self.section_m[1] - self.section_m[0]) / 1e3)
-
-
-@dataclass
-class _LanesAroundEgo:
-    """Where they count in the plane; a stretch comes once."""
-
-    graph: LaneGraph
-    lane_km: float = 0.0  # summed over steps
-
-    def counts(self, truth: pd.DataFrame) -> BoolArray:
-        segments, in_junction = self.graph.segments, self.graph.in_junction
-        open_road = ~in_junction[segments.lane]
-        middle_x = (segments.start_x + 0.5 * segments.length_m * segments.cosine)[open_road]
-        middle_y = (segments.start_y + 0.5 * segments.length_m * segments.sine)[open_road]
-        length_m = segments.length_m[open_road]
-        egos = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")[["lon_m", "lat_m"]]
-        for ego_x, ego_y in egos.to_numpy(dtype=np.float64):
-            inside = np.hypot(middle_x - ego_x, middle_y - ego_y) <= AROUND_EGO_M
-            self.lane_km += float(length_m[inside].sum()) / 1e3
-        away_m = truth[["lon_m", "lat_m"]].to_numpy() - egos.reindex(truth["step"]).to_numpy()
-        lane = truth["lane"].to_numpy(dtype=np.int64)
-        near = np.hypot(*away_m.T) <= AROUND_EGO_M
-        return np.asarray(near & (lane != NO_LANE) & ~np.append(in_junction, False)[lane - 1])
-
-    def per_km(self, vehicle_steps: int, steps: int) -> float:  # noqa: ARG002
-        return vehicle_steps / self.lane_km if self.lane_km else 0.0
-
-
-@singledispatch
-def _area_of(road: Road) -> _Section | _LanesAroundEgo:
-    return _Section(road.section_m)
-
-
-@_area_of.register
-def _(road: LaneGraphRoad) -> _Section | _LanesAroundEgo:
-    return _LanesAroundEgo(road.graph)
-
-
-@dataclass
 class TrafficSums:
     """Sums for the ``traffic`` table over a run that is processed part by part.
 
     Attributes:
         in_range: Vehicle-steps within the sensor's range, without the ego.
+        inside: Vehicle-steps that count: on a lane of the section, or in the plane of the lanes around the ego.
+        lane_km: In the plane the length of these lanes, summed over steps.
     """
 
     road: Road
@@ -114,19 +66,36 @@ class TrafficSums:
     in_range: float = 0.0
     inside: int = 0
     speed_mps: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Choose where vehicles count."""
-        self._area = _area_of(self.road)
+    lane_km: float = 0.0
 
     def add(self, truth: pd.DataFrame) -> None:
         """Add the truth of a stretch."""
-        speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[self._area.counts(truth)]
+        road, lane = self.road, truth["lane"].to_numpy(dtype=np.int64)
+        if isinstance(road, LaneGraphRoad):
+            counted = self._around_ego(road.graph, truth, lane)
+        else:
+            counted = truth["lon_m"].between(*road.section_m).to_numpy() & (lane != NO_LANE)
+        speeds = truth["speed_mps"].to_numpy(dtype=np.float64)[counted]
         self.steps += truth["step"].nunique()
         self.inside += len(speeds)
         self.speed_mps += float(speeds.sum())
         if "is_ego" in truth:
             self.in_range += float(truth["in_range"][~truth["is_ego"].to_numpy(dtype=bool)].sum())
+
+    def _around_ego(self, graph: LaneGraph, truth: pd.DataFrame, lane: IntArray) -> BoolArray:
+        """Return which vehicles are on lanes near the ego, and add these lanes' length; a stretch comes once."""
+        segments, in_junction = graph.segments, graph.in_junction
+        open_road = ~in_junction[segments.lane]
+        middle_x = (segments.start_x + 0.5 * segments.length_m * segments.cosine)[open_road]
+        middle_y = (segments.start_y + 0.5 * segments.length_m * segments.sine)[open_road]
+        length_m = segments.length_m[open_road]
+        egos = truth[truth["is_ego"].to_numpy(dtype=bool)].set_index("step")[["lon_m", "lat_m"]]
+        for ego_x, ego_y in egos.to_numpy(dtype=np.float64):
+            near = np.hypot(middle_x - ego_x, middle_y - ego_y) <= AROUND_EGO_M
+            self.lane_km += float(length_m[near].sum()) / 1e3
+        away_m = truth[["lon_m", "lat_m"]].to_numpy() - egos.reindex(truth["step"]).to_numpy()
+        near = np.hypot(*away_m.T) <= AROUND_EGO_M
+        return np.asarray(near & (lane != NO_LANE) & ~np.append(in_junction, False)[lane - 1])
 
     def summary(self) -> dict[str, float]:
         """Return density (per km and main lane), flow (all lanes) and speed over section and time, after Edie (1963).
@@ -138,7 +107,11 @@ class TrafficSums:
         """
         start, end = self.road.section_m
         main_lanes = sum(1 for lane in self.road.lanes if lane.start_m <= start and lane.end_m >= end)
-        vehicles_per_km = self._area.per_km(self.inside, self.steps) if self.inside else 0.0
+        vehicles_per_km = 0.0
+        if self.inside and isinstance(self.road, LaneGraphRoad):
+            vehicles_per_km = self.inside / self.lane_km if self.lane_km else 0.0
+        elif self.inside:
+            vehicles_per_km = self.inside / self.steps / ((end - start) / 1e3)
         if not vehicles_per_km:
             return {"density_veh_per_km_lane": 0.0, "flow_veh_per_h": 0.0, "mean_speed_mps": math.nan}
         mean_speed = self.speed_mps / self.inside
