@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.trackers.plane import fitted, is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, turned
 from mmpf.options.base import NotNegative, Positive, Settings, in_unit
 from mmpf.scan import EgoPose, Scan
 from mmpf.tracks import TENTATIVE, Tracks
@@ -105,8 +105,7 @@ class DoubtingTracker:
         """Return which tracks lie ahead of the ego near its line, shape (m,)."""
         turn = ego.heading_rad if self._in_plane else 0.0
         lon, lat = tracks.lon_m - ego.lon_m, tracks.lat_m - ego.lat_m
-        ahead = lon * np.cos(turn) + lat * np.sin(turn)
-        aside = lat * np.cos(turn) - lon * np.sin(turn)
+        ahead, aside = turned(lon, lat, turn)
         near = np.abs(aside) < PATH_HALF_WIDTH_M
         return np.asarray(near & (ahead > 0.0) & (ahead <= PATH_AHEAD_M))
 

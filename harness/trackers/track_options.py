@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, TypeVar
 
 from pydantic import Field
 
 from harness.trackers.doubtful import DoubtfulOptions
+from harness.trackers.plane import is_in_plane
+from harness.trackers.protocol import TrackerSetting
 from mmpf.options.base import Positive, Settings, in_unit
 
 
@@ -35,3 +38,15 @@ class TrackOptions(Settings):
     """A track without detections for longer is reported as hidden; only pictures use this."""
     doubtful: DoubtfulOptions = DoubtfulOptions()
     """When a track that stands amid moving traffic is reported as tentative only."""
+
+
+_Options = TypeVar("_Options", bound=TrackOptions)
+
+
+def in_frame(kind: type[_Options], setting: TrackerSetting, options: Mapping[str, object]) -> _Options:
+    """Return a tracker's options; in the plane y is filtered as x, since roads lead anywhere."""
+    chosen = kind.model_validate(dict(options))
+    if not is_in_plane(setting):
+        return chosen
+    alike = {"lat_noise": chosen.lon_noise, "birth_lat_speed_std_mps": chosen.birth_speed_std_mps}
+    return chosen.model_copy(update=alike)

@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 
 from harness.trackers.doubtful import as_reported
-from harness.trackers.kalman import LAT, LON
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.box_tracks import (
@@ -27,8 +26,8 @@ from harness.trackers.rivals.box_tracks import (
     taken_in,
 )
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
-from harness.trackers.rivals.lives import Lives, ScanMoment, remembered, reported
-from harness.trackers.rivals.options import in_frame
+from harness.trackers.rivals.lives import Lives, remembered, reported
+from harness.trackers.track_options import in_frame
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
 from mmpf.scan import Detections, Scan, SensorModel, check_scan
 from mmpf.tracks import Tracks
@@ -65,23 +64,19 @@ class BoxKalman:
             self._tracks = predicted(self._tracks, scan.time_s - self._time_s, options, self._in_plane)
         self._time_s = scan.time_s
         tracks = self._tracks
-        states = tracks.states.mean
-        moment = ScanMoment(scan.time_s, scan.ego, self._sensor.range_m)
-        tracks = taken(tracks, remembered(tracks.lives, states[:, LON], states[:, LAT], moment, options))
+        tracks = taken(tracks, remembered(tracks.lives, tracks.states, scan, self._sensor.range_m, options))
         index, detection = _matched(tracks, detections, options)
         tracks = taken_in(tracks, index, detections, detection, scan.time_s)
         others = np.setdiff1d(np.arange(len(detections)), detection)
         lives = Lives.begun(self._next_track_id, len(others), scan.time_s)
         self._next_track_id += len(others)
         self._tracks = joined(tracks, begun(lives, taken(detections, others), scan.ego, options))
-        return reported(
-            self._tracks.lives, self._tracks.states.mean, self._tracks.states.covariance, scan.time_s, options
-        )
+        return reported(self._tracks.lives, self._tracks.states, scan.time_s, options)
 
 
 def build_box_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the tracker of boxes."""
-    chosen = in_frame(BoxKalmanOptions.model_validate(dict(options)), setting)
+    chosen = in_frame(BoxKalmanOptions, setting, options)
     return as_reported(BoxKalman(chosen, setting.sensor, is_in_plane(setting)), setting, chosen.doubtful)
 
 

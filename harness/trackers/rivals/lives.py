@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.trackers.kalman import tracks_of
+from harness.trackers.kalman import LAT, LON, GaussianStates, tracks_of
 from harness.trackers.rivals.options import RivalOptions
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.scan import EgoPose
+from mmpf.scan import Scan
 from mmpf.stages.update_rule import RANGE_MARGIN_M
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
@@ -43,55 +43,28 @@ class Lives:
         return self.detections >= options.confirm_detections
 
 
-def remembered(lives: Lives, lon_m: FloatArray, lat_m: FloatArray, now: ScanMoment, options: RivalOptions) -> BoolArray:
-    """Return which tracks are kept, shape (n,): those within range and not unseen for too long.
-
-    Args:
-        lives: Their lives.
-        lon_m: Longitudinal positions, shape (n,).
-        lat_m: Lateral positions, shape (n,).
-        now: The time, and where the sensor is.
-        options: How long and how far.
-    """
+def remembered(lives: Lives, states: GaussianStates, scan: Scan, range_m: float, options: RivalOptions) -> BoolArray:
+    """Return which tracks are kept at a scan, shape (n,): those within range and not unseen for too long."""
     longest_s = np.where(lives.confirmed(options), options.longest_unseen_s, options.held_unseen_s)
-    away_m = np.hypot(lon_m - now.ego.lon_m, lat_m - now.ego.lat_m)
-    is_recent = now.time_s - lives.last_seen_s <= longest_s + TIME_TOLERANCE_S
-    return np.asarray(is_recent & (away_m <= now.range_m + RANGE_MARGIN_M))
-
-
-@dataclass(frozen=True)
-class ScanMoment:
-    """A scan's time, the sensor's pose at it and its range."""
-
-    time_s: float
-    ego: EgoPose
-    range_m: float
+    away_m = np.hypot(states.mean[:, LON] - scan.ego.lon_m, states.mean[:, LAT] - scan.ego.lat_m)
+    is_recent = scan.time_s - lives.last_seen_s <= longest_s + TIME_TOLERANCE_S
+    return np.asarray(is_recent & (away_m <= range_m + RANGE_MARGIN_M))
 
 
 def reported(
-    lives: Lives,
-    mean: FloatArray,
-    covariance: FloatArray,
-    time_s: float,
-    options: RivalOptions,
-    existence: FloatArray | None = None,
+    lives: Lives, states: GaussianStates, time_s: float, options: RivalOptions, existence: FloatArray | None = None
 ) -> Tracks:
-    """Return tracks as they are reported.
+    """Return tracks as they are reported; ``existence`` is the probability that each is a vehicle, (n,), one if None.
 
-    Args:
-        lives: Their lives.
-        mean: Means that begin with ``LON, SPEED, LAT, LAT_SPEED``, shape (n, 4 or more).
-        covariance: Covariances of the same order.
-        time_s: Now.
-        options: When a track is confirmed, and when hidden.
-        existence: Probability that each is a vehicle, shape (n,); one if None.
+    The options tell when a track is confirmed, and when hidden.
     """
-    std = np.maximum(np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0)), SMALLEST_STD)
+    variance = np.diagonal(states.covariance, axis1=1, axis2=2)
+    std = np.maximum(np.sqrt(np.maximum(variance, 0.0)), SMALLEST_STD)
     confirmed = lives.confirmed(options)
     hidden = confirmed & (time_s - lives.last_seen_s > options.hidden_after_s + TIME_TOLERANCE_S)
     return tracks_of(
         lives.track_id.astype(np.int64),
-        mean,
+        states.mean,
         std,
         np.select([hidden, confirmed], [HIDDEN, CONFIRMED], TENTATIVE).astype(np.int8),
         None if existence is None else np.clip(existence, 0.0, 1.0),

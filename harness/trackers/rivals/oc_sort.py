@@ -30,8 +30,8 @@ from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
 from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
-from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, ScanMoment, remembered, reported
-from harness.trackers.rivals.options import in_frame
+from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, remembered, reported
+from harness.trackers.track_options import in_frame
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped
 from mmpf.options.base import NotNegative, Positive, Probability, in_unit
 from mmpf.scan import Detections, Scan, SensorModel, check_scan
@@ -146,16 +146,14 @@ class OcSort:
         first = OcTracks(new, Observations.first(scan.time_s, new.middle_m), new.states)
         self._tracks = joined(tracks, first)
         boxes = self._tracks.boxes
-        return reported(boxes.lives, boxes.states.mean, boxes.states.covariance, scan.time_s, options)
+        return reported(boxes.lives, boxes.states, scan.time_s, options)
 
     def _predicted(self, scan: Scan) -> OcTracks:
         """Return the tracks at the time of a scan, and remember its time as long as some track is unseen."""
         boxes = self._tracks.boxes
         if self._times_s:
             boxes = predicted(boxes, scan.time_s - self._times_s[-1], self._options, self._in_plane)
-        moment = ScanMoment(scan.time_s, scan.ego, self._sensor.range_m)
-        lon_m, lat_m = boxes.middle_m.T
-        kept = remembered(boxes.lives, lon_m, lat_m, moment, self._options)
+        kept = remembered(boxes.lives, boxes.states, scan, self._sensor.range_m, self._options)
         tracks = taken(replace(self._tracks, boxes=boxes), kept)
         earliest_s = np.min(tracks.boxes.lives.last_seen_s, initial=scan.time_s)
         self._times_s = [time_s for time_s in (*self._times_s, scan.time_s) if time_s >= earliest_s]
@@ -164,7 +162,7 @@ class OcSort:
 
 def build_oc_sort(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build OC-SORT."""
-    chosen = in_frame(OcSortOptions.model_validate(dict(options)), setting)
+    chosen = in_frame(OcSortOptions, setting, options)
     return as_reported(OcSort(chosen, setting.sensor, is_in_plane(setting)), setting, chosen.doubtful)
 
 

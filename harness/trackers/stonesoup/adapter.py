@@ -95,12 +95,11 @@ class StoneSoupTracker:
 
     def _stitch(self, stitcher: IdentityStitcher, tracks: Tracks, living: list[Track], last_s: FloatArray) -> Tracks:
         first_s = np.array([self._first_seen_s[track.id] for track in living])
-        stitched = stitcher.stitch(tracks, LastSightings(first_s, last_s), self._time_s or 0.0)
-        replaced = set(stitched.replaced.tolist())
+        stitched, replaced = stitcher.stitch(tracks, LastSightings(first_s, last_s), self._time_s or 0.0)
         for track in living:
             if track.id in replaced:
                 self._assembly.tracker.tracks.discard(track)
-        return stitched.tracks
+        return stitched
 
     def _to_tracks(self, living: list[Track], unseen_s: FloatArray) -> Tracks:
         if not living:

@@ -46,18 +46,6 @@ class LastSightings:
 
 
 @dataclass(frozen=True)
-class Stitched:
-    """Tracks under their stitched identities.
-
-    Attributes:
-        replaced: The tracker's own identities of the tracks that were replaced; it should drop them.
-    """
-
-    tracks: Tracks
-    replaced: IntArray
-
-
-@dataclass(frozen=True)
 class _Lost:
     """Tracks that are unseen: those that still coast and those that ended, struct of arrays over k tracks."""
 
@@ -85,8 +73,13 @@ class IdentityStitcher:
         self._reported_id: dict[int, int] = {}
         self._remembered = _Snapshot(Tracks.none(), np.zeros(0), np.zeros(0))
 
-    def stitch(self, tracks: Tracks, sightings: LastSightings, time_s: float) -> Stitched:
-        """Match newly confirmed tracks to lost ones and rename them."""
+    def stitch(self, tracks: Tracks, sightings: LastSightings, time_s: float) -> tuple[Tracks, IntArray]:
+        """Match newly confirmed tracks to lost ones and rename them.
+
+        Returns:
+            Tracks under their stitched identities, and the tracker's own identities of those that were replaced; it
+            should drop them.
+        """
         confirmed = tracks.state != TENTATIVE
         known = np.array([own in self._reported_id for own in tracks.track_id.tolist()], dtype=np.bool_)
         new = np.flatnonzero(confirmed & ~known)
@@ -98,7 +91,7 @@ class IdentityStitcher:
         self._remember(taken(tracks, keep & confirmed), sightings.last_s[keep & confirmed], replaced, time_s)
         reported = [self._reported_id.get(own, own) for own in tracks.track_id[keep].tolist()]
         renamed = replace(taken(tracks, keep), track_id=np.array(reported, dtype=np.int64))
-        return Stitched(renamed, replaced)
+        return renamed, replaced
 
     def _lost_tracks(self, tracks: Tracks, known: BoolArray, sightings: LastSightings, time_s: float) -> _Lost:
         options = self._options

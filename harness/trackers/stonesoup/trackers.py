@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import timedelta
-from typing import TypeVar
 
 import numpy as np
 from ordered_set import OrderedSet
@@ -23,18 +22,15 @@ from stonesoup.deleter.multi import CompositeDeleter
 from stonesoup.deleter.time import UpdateTimeDeleter
 from stonesoup.hypothesiser.distance import DistanceHypothesiser
 from stonesoup.hypothesiser.probability import PDAHypothesiser
-from stonesoup.initiator.base import Initiator
 from stonesoup.measures import EuclideanWeighted, Mahalanobis
 from stonesoup.models.transition.linear import (
     CombinedLinearGaussianTransitionModel,
     ConstantVelocity,
 )
-from stonesoup.predictor import Predictor
 from stonesoup.predictor.kalman import KalmanPredictor
 from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
 from stonesoup.types.array import StateVector
 from stonesoup.types.state import GaussianState
-from stonesoup.updater import Updater
 from stonesoup.updater.kalman import KalmanUpdater
 
 from harness.trackers.doubtful import as_reported
@@ -51,65 +47,52 @@ from harness.trackers.stonesoup.parts import (
     WithinReach,
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher
-from harness.trackers.track_options import TrackOptions
+from harness.trackers.track_options import TrackOptions, in_frame
 from mmpf.stages.update_rule import RANGE_MARGIN_M
 
 
 def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters with global nearest neighbour association by Mahalanobis distance."""
-    chosen = _chosen(StoneSoupOptions, setting, options)
+    chosen = in_frame(StoneSoupOptions, setting, options)
     predictor, updater = _kalman(chosen)
-    initiators = _initiators(chosen, predictor, updater)
-    associator = _nearest_neighbour(chosen, predictor, updater)
-    assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
-    return _in_frame(setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
+    return _one_to_one(chosen, setting, predictor, updater, _nearest_neighbour(chosen, predictor, updater))
 
 
 def build_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters with joint probabilistic data association, exact by efficient hypothesis management (EHM2)."""
-    return _jpda(_chosen(JpdaOptions, setting, options), setting)
+    return _jpda(in_frame(JpdaOptions, setting, options), setting)
 
 
 def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """``stonesoup-jpda``, and a newly confirmed track near a lost one takes its identity."""
-    chosen = _chosen(StitchedJpdaOptions, setting, options)
+    chosen = in_frame(StitchedJpdaOptions, setting, options)
     return _jpda(chosen, setting, IdentityStitcher(chosen.stitching))
 
 
 def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Kalman filters whose confirmed tracks are predicted for as long as they are within range (arXiv 2111.13672)."""
-    chosen = _chosen(ImmortalOptions, setting, options)
+    chosen = in_frame(ImmortalOptions, setting, options)
     predictor, updater = _kalman(chosen)
-    reach_m = chosen.gate_lon_m, chosen.gate_lat_m
+    reach_m = chosen.gate_lon_m, chosen.gate_lon_m if is_in_plane(setting) else chosen.gate_lat_m
     hypothesiser = (
         DistanceHypothesiser(predictor, updater, measure=_in_shares_of(reach_m), missed_distance=1.0)
         if chosen.association == "distance"
         else DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=chosen.gate_std)
     )
     associator = GNNWith2DAssignment(WithinReach(hypothesiser, reach_m))
-    initiators = _initiators(chosen, predictor, updater)
-    assembly = _assembly(MultiTargetTracker, chosen, setting, initiators, associator, updater)
-    return _in_frame(setting, chosen, StoneSoupTracker(assembly, chosen, setting.sensor.clutter_density_per_m2))
+    return _one_to_one(chosen, setting, predictor, updater, associator)
 
 
-_Options = TypeVar("_Options", bound=TrackOptions)
-
-
-def _chosen(kind: type[_Options], setting: TrackerSetting, options: Mapping[str, object]) -> _Options:
-    """Return a tracker's options; in the plane y is filtered as x, since roads lead anywhere."""
-    chosen = kind.model_validate(dict(options))
-    if not is_in_plane(setting):
-        return chosen
-    alike: dict[str, object] = {
-        "lat_noise": chosen.lon_noise,
-        "birth_lat_speed_std_mps": chosen.birth_speed_std_mps,
-    }
-    if isinstance(chosen, ImmortalOptions):
-        alike["gate_lat_m"] = chosen.gate_lon_m
-    return chosen.model_copy(update=alike)
-
-
-def _in_frame(setting: TrackerSetting, options: TrackOptions, tracker: StoneSoupTracker) -> Tracker:
+def _one_to_one(
+    options: TrackOptions,
+    setting: TrackerSetting,
+    predictor: KalmanPredictor,
+    updater: KalmanUpdater,
+    associator: DataAssociator,
+) -> Tracker:
+    """Return a tracker that gives a detection to one track at most."""
+    assembly = _assembly(MultiTargetTracker, options, setting, predictor, updater, associator)
+    tracker = StoneSoupTracker(assembly, options, setting.sensor.clutter_density_per_m2)
     return as_reported(tracker, setting, options.doubtful)
 
 
@@ -130,29 +113,29 @@ def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitc
         prob_detect=setting.sensor.detection_probability if probability is None else probability,
         prob_gate=float(chi2.cdf(options.gate_std**2, 2)),
     )
-    initiators = _initiators(options, predictor, updater)
     associator = JPDAwithEHM2(hypothesiser)
-    assembly = _assembly(MultiTargetMixtureTracker, options, setting, initiators, associator, updater)
+    assembly = _assembly(MultiTargetMixtureTracker, options, setting, predictor, updater, associator)
     assembly = replace(assembly, hypothesisers=(hypothesiser,))
-    return _in_frame(setting, options, StoneSoupTracker(assembly, options, clutter, stitcher=stitcher))
+    tracker = StoneSoupTracker(assembly, options, clutter, stitcher=stitcher)
+    return as_reported(tracker, setting, options.doubtful)
 
 
 def _assembly(
     kind: type[MultiTargetTracker | MultiTargetMixtureTracker],
     options: TrackOptions,
     setting: TrackerSetting,
-    initiators: tuple[NumberedInitiator, Initiator],
+    predictor: KalmanPredictor,
+    updater: KalmanUpdater,
     associator: DataAssociator,
-    updater: Updater,
 ) -> Assembly:
-    """Put a tracker together; of the initiators the first begins tracks, the second holds them until confirmed."""
+    begins, holds = _initiators(options, predictor, updater)
     range_deleter = BeyondRangeDeleter(setting.sensor.range_m + RANGE_MARGIN_M)
     deleters: list[Deleter] = [range_deleter]
     if isinstance(options, StoneSoupOptions):
         unseen = UpdateTimeDeleter(timedelta(seconds=options.longest_unseen_s))
         deleters = [unseen, CovarianceBasedDeleter(options.largest_std_lon_m**2, mapping=[LON]), range_deleter]
     tracker = kind(
-        initiator=initiators[1],
+        initiator=holds,
         deleter=CompositeDeleter(deleters, intersect=False),
         detector=None,
         data_associator=associator,
@@ -160,7 +143,7 @@ def _assembly(
     )
     # Stone Soup has no public way to be given an ordered set.
     tracker._tracks = OrderedSet()
-    return Assembly(tracker, initiators[0], range_deleter)
+    return Assembly(tracker, begins, range_deleter)
 
 
 def _kalman(options: TrackOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
@@ -168,7 +151,9 @@ def _kalman(options: TrackOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
     return KalmanPredictor(CombinedLinearGaussianTransitionModel(axes)), KalmanUpdater(measurement_model=None)
 
 
-def _nearest_neighbour(options: TrackOptions, predictor: Predictor, updater: Updater) -> GNNWith2DAssignment:
+def _nearest_neighbour(
+    options: TrackOptions, predictor: KalmanPredictor, updater: KalmanUpdater
+) -> GNNWith2DAssignment:
     hypothesiser = DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=options.gate_std)
     return GNNWith2DAssignment(hypothesiser)
 
@@ -176,6 +161,7 @@ def _nearest_neighbour(options: TrackOptions, predictor: Predictor, updater: Upd
 def _initiators(
     options: TrackOptions, predictor: KalmanPredictor, updater: KalmanUpdater
 ) -> tuple[NumberedInitiator, OrderedMultiMeasurementInitiator]:
+    """Return what begins tracks, and what holds them until they are confirmed."""
     std = np.ones(STATE_SIZE)
     std[SPEED], std[LAT_SPEED] = options.birth_speed_std_mps, options.birth_lat_speed_std_mps
     prior = GaussianState(StateVector(np.zeros(STATE_SIZE)), np.diag(std**2))

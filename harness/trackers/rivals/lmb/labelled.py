@@ -18,9 +18,9 @@ from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON, GaussianStates, newborn, predict_constant_velocity
 from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.gaussian import in_order, scaled
-from harness.trackers.rivals.lives import Lives, ScanMoment, remembered, reported
+from harness.trackers.rivals.lives import Lives, remembered, reported
 from harness.trackers.rivals.lmb.options import LmbOptions
-from harness.trackers.rivals.options import in_frame
+from harness.trackers.track_options import in_frame
 from mmpf.numerics.arrays import joined, taken
 from mmpf.scan import Detections, Scan, check_scan
 from mmpf.tracks import Tracks
@@ -95,15 +95,14 @@ class Lmb:
     def _report(self, scan: Scan) -> Tracks:
         """End tracks that are lost, and return those of the others that are likely to exist."""
         states, options = _moments(self._tracks), self._options
-        moment = ScanMoment(scan.time_s, scan.ego, self._sensor.range_m)
-        kept = remembered(self._lives, states.mean[:, LON], states.mean[:, LAT], moment, options)
+        kept = remembered(self._lives, states, scan, self._sensor.range_m, options)
         self._tracks = [track for track, stays in zip(self._tracks, kept.tolist(), strict=True) if stays]
         self._lives, states = taken(self._lives, kept), taken(states, kept)
         existence = np.array([track.existence for track in self._tracks])
         shown = np.flatnonzero(existence >= options.reported_existence)
         shown = shown[np.argsort(self._lives.track_id[shown])]
         lives, states = taken(self._lives, shown), taken(states, shown)
-        return reported(lives, states.mean, states.covariance, scan.time_s, options, existence[shown])
+        return reported(lives, states, scan.time_s, options, existence[shown])
 
 
 def _moments(tracks: list[Any]) -> GaussianStates:
@@ -119,5 +118,5 @@ def _moments(tracks: list[Any]) -> GaussianStates:
 
 def build_lmb(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the labelled multi-Bernoulli filter."""
-    chosen = in_frame(LmbOptions.model_validate(dict(options)), setting)
+    chosen = in_frame(LmbOptions, setting, options)
     return as_reported(Lmb(chosen, setting), setting, chosen.doubtful)

@@ -19,8 +19,8 @@ from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import Tracker, TrackerSetting
 from harness.trackers.rivals.gaussian import in_order, scaled
-from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, ScanMoment, remembered, reported
-from harness.trackers.rivals.options import RivalOptions, in_frame
+from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, remembered, reported
+from harness.trackers.rivals.options import RivalOptions
 from harness.trackers.rivals.pmbm.clusters import HypothesisLimits
 from harness.trackers.rivals.pmbm.mixture import (
     HypothesisMixture,
@@ -32,6 +32,7 @@ from harness.trackers.rivals.pmbm.mixture import (
     without,
 )
 from harness.trackers.shadow_model import POINTS, Visibility, detection_probabilities
+from harness.trackers.track_options import in_frame
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, taken
 from mmpf.options.base import Positive, Probability
@@ -116,8 +117,7 @@ class Pmbm:
         interval_s = scan.time_s - self._time_s
         states = predict_constant_velocity(mixture.singles.states, interval_s, options.lon_noise, options.lat_noise)
         mixture = replace(mixture, singles=replace(mixture.singles, states=states))
-        moment = ScanMoment(scan.time_s, scan.ego, self._sensor.range_m)
-        goes_on = remembered(mixture.singles.lives, states.mean[:, LON], states.mean[:, LAT], moment, options)
+        goes_on = remembered(mixture.singles.lives, states, scan, self._sensor.range_m, options)
         mixture = mixture if goes_on.all() else without(mixture, ~goes_on)
         return survived(mixture, float(np.exp(-interval_s / options.stay_s)))
 
@@ -176,13 +176,12 @@ class Pmbm:
         best = self._mixture.best
         best = best[self._mixture.singles.existence[best] >= self._options.reported_existence]
         shown = taken(self._mixture.singles, best[np.argsort(self._mixture.singles.lives.track_id[best])])
-        states = shown.states
-        return reported(shown.lives, states.mean, states.covariance, time_s, self._options, shown.existence)
+        return reported(shown.lives, shown.states, time_s, self._options, shown.existence)
 
 
 def build_pmbm(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
     """Build the PMBM tracker."""
-    chosen = in_frame(PmbmOptions.model_validate(dict(options)), setting)
+    chosen = in_frame(PmbmOptions, setting, options)
     return as_reported(Pmbm(chosen, setting), setting, chosen.doubtful)
 
 

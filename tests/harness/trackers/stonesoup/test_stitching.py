@@ -30,12 +30,12 @@ def test_a_new_track_at_a_coasting_one_takes_its_identity_and_the_old_one_goes()
     stitcher = IdentityStitcher(StitchingOptions())
     hide_track_1(stitcher)
     both = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), (2, 144.0, 5.3, 0.3, CONFIRMED)])
-    stitched = stitcher.stitch(both, sightings([0.0, 2.8], [1.0, 3.0]), 3.0)
-    assert stitched.tracks.track_id.tolist() == [1]
-    assert stitched.tracks.lon_m.tolist() == [144.0]
-    assert stitched.replaced.tolist() == [1]
+    stitched, replaced = stitcher.stitch(both, sightings([0.0, 2.8], [1.0, 3.0]), 3.0)
+    assert stitched.track_id.tolist() == [1]
+    assert stitched.lon_m.tolist() == [144.0]
+    assert replaced.tolist() == [1]
     alone = tracks_of([(2, 146.0, 5.3, 0.3, CONFIRMED)])
-    assert stitcher.stitch(alone, sightings([2.8], [3.1]), 3.1).tracks.track_id.tolist() == [1]
+    assert stitcher.stitch(alone, sightings([2.8], [3.1]), 3.1)[0].track_id.tolist() == [1]
 
 
 @pytest.mark.parametrize(("remember_s", "identity"), [(StitchingOptions().remember_s, 1), (2.0, 2)])
@@ -44,7 +44,7 @@ def test_a_new_track_where_an_ended_one_would_be_takes_its_identity_while_it_is_
     hide_track_1(stitcher)
     stitcher.stitch(tracks_of([]), sightings([], []), 2.0)
     new = tracks_of([(2, 161.0, 5.0, 0.3, CONFIRMED)])
-    assert stitcher.stitch(new, sightings([3.8], [4.0]), 4.0).tracks.track_id.tolist() == [identity]
+    assert stitcher.stitch(new, sightings([3.8], [4.0]), 4.0)[0].track_id.tolist() == [identity]
 
 
 @pytest.mark.parametrize(
@@ -59,14 +59,14 @@ def test_a_new_track_where_an_ended_one_would_be_takes_its_identity_while_it_is_
 def test_a_new_track_that_is_another_vehicle_keeps_its_own_identity(old: Row, new: Row, seen: tuple[list[float], ...]):
     stitcher = IdentityStitcher(StitchingOptions())
     hide_track_1(stitcher)
-    stitched = stitcher.stitch(tracks_of([old, new]), sightings(*seen), 3.0)
-    assert stitched.tracks.track_id.tolist() == [1, 2]
-    assert stitched.replaced.tolist() == []
+    stitched, replaced = stitcher.stitch(tracks_of([old, new]), sightings(*seen), 3.0)
+    assert stitched.track_id.tolist() == [1, 2]
+    assert replaced.tolist() == []
 
 
 def test_one_lost_identity_goes_to_the_nearer_of_two_new_tracks():
     stitcher = IdentityStitcher(StitchingOptions())
     hide_track_1(stitcher)
     three = tracks_of([(1, 140.0, 5.0, 1.5, HIDDEN), (2, 145.0, 5.0, 0.3, CONFIRMED), (3, 141.0, 5.0, 0.3, CONFIRMED)])
-    stitched = stitcher.stitch(three, sightings([0.0, 2.8, 2.8], [1.0, 3.0, 3.0]), 3.0)
-    assert stitched.tracks.track_id.tolist() == [2, 1]
+    stitched, _ = stitcher.stitch(three, sightings([0.0, 2.8, 2.8], [1.0, 3.0, 3.0]), 3.0)
+    assert stitched.track_id.tolist() == [2, 1]
