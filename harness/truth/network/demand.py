@@ -20,7 +20,13 @@ DEFAULT_DENSITY = 30.0
 ROUNDING = 4.0
 
 
-class Drivers(WithoutTruthValues):
+class NetworkTable(WithoutTruthValues):
+    """A table of a network's files: without further entries, and without numbers that are not finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Drivers(NetworkTable):
     """Means and spreads that each driver's own style is drawn from: the table ``[drivers]`` of ``network.toml``.
 
     Attributes:
@@ -31,8 +37,6 @@ class Drivers(WithoutTruthValues):
         assertiveness: How much smaller than their own the gaps are that drivers change lanes into, SUMO's
             ``lcAssertive``; what the vehicle types say if left out.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     headway_s: float = Field(default=1.35, ge=0.8, le=2.6)
     headway_spread_s: float = Field(default=0.35, ge=0.0, le=1.0)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
 from harness.common.bounds import Numbers, row_number
 from harness.common.error_text import first_problem
 from harness.common.errors import InputError
 from harness.common.untrusted_files import read_toml
 from harness.storage.schema import DENSITY_RANGE
-from harness.truth.network.demand import Drivers
-from mmpf.options.base import WithoutTruthValues
+from harness.truth.network.demand import Drivers, NetworkTable
 
 METADATA_FILE = "network.toml"
 # More than a lane can carry.
@@ -38,10 +37,8 @@ def _rising(rows: tuple[_Row, ...]) -> tuple[_Row, ...]:
 Rising = Annotated[tuple[_Row, ...], Field(max_length=100_000), AfterValidator(_rising)]
 
 
-class DemandFile(WithoutTruthValues):
+class DemandFile(NetworkTable):
     """A named demand as ``network.toml`` gives it; what is left out follows from the density."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     description: str
     density_veh_per_km_lane: Density
@@ -54,10 +51,8 @@ class DemandFile(WithoutTruthValues):
     headway_profile: Rising[tuple[float, Annotated[float, Field(ge=0.2, le=5.0)]]] = ()
 
 
-class NetworkFile(WithoutTruthValues):
+class NetworkFile(NetworkTable):
     """The content of ``network.toml``."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     description: str
     net_file: str
@@ -84,19 +79,15 @@ class NetworkFile(WithoutTruthValues):
         return self
 
 
-class PlaneDemandFile(WithoutTruthValues):
+class PlaneDemandFile(NetworkTable):
     """A named demand of a network in the plane."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     description: str
     density_veh_per_km_lane: Density
 
 
-class PlaneNetworkFile(WithoutTruthValues):
+class PlaneNetworkFile(NetworkTable):
     """The content of the ``network.toml`` of a network without one main road, whose road frame is the plane."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     kind: Literal["plane"]
     description: str
@@ -113,10 +104,8 @@ class PlaneNetworkFile(WithoutTruthValues):
         return self
 
 
-class CalibrationFile(WithoutTruthValues):
+class CalibrationFile(NetworkTable):
     """The outcome of a calibration, in a file of its own: it takes the place of what ``network.toml`` says."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     drivers: Drivers
     demands: dict[str, DemandFile]

@@ -5,10 +5,11 @@ Lanelets that all lead one way are a road with a frame of its own; others, as at
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
-from xml.etree.ElementTree import Element, iterparse
+from xml.etree.ElementTree import Element, parse
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from mmpf.numerics.arrays import FloatArray
 
 ON_FOOT_OR_CYCLE = ("pedestrian", "bicycle")
 VERSIONS = ("2018b", "2020a")
+OBSTACLES = ("obstacle", "dynamicObstacle", "staticObstacle")
 STEP = {"timeStepSize": Numbers(1e-3, 10.0)}
 TIMES = {"the time": Numbers(0, 10_000_000, whole=True, rising=True)}
 # Traffic signs, as countries number them: speed limits, and to give way or stop.
@@ -40,19 +42,6 @@ class _Obstacle:
     width_m: float
 
 
-@dataclass
-class _Scenario:
-    """What was found in the file so far."""
-
-    step_s: float = 0.0
-    lanelets: list[Lanelet] = field(default_factory=list)
-    signs_at: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    signs: dict[str, dict[str, float | None]] = field(default_factory=dict)
-    obstacles: list[_Obstacle] = field(default_factory=list)
-    standing: list[_Obstacle] = field(default_factory=list)
-    left_out: dict[str, int] = field(default_factory=dict)
-
-
 def read_commonroad(path: Path) -> ReadTraffic:
     """Read a scenario.
 
@@ -62,59 +51,47 @@ def read_commonroad(path: Path) -> ReadTraffic:
     Raises:
         InputError: The file is broken or has no lanelets or no vehicles.
     """
-    scenario = _Scenario()
     with reading(path, f"CommonRoad scenario of version {' or '.join(VERSIONS)}"), unpacked(path) as file:
-        _collect(file, path, scenario)
-    if not scenario.lanelets:
+        root = parse(file).getroot()
+        version = root.attrib.get("commonRoadVersion")
+        if root.tag != "commonRoad" or version not in VERSIONS:
+            raise InputError(f"{path}: CommonRoad version {version}; known are {' and '.join(VERSIONS)}")
+        step_s = number(root.attrib["timeStepSize"])
+        check_numbers(path, {"timeStepSize": step_s}, STEP, "")
+        posts = {post.attrib["id"]: _signs(post) for post in root.findall("trafficSign")}
+        lanelets = [_lanelet(each, posts) for each in root.findall("lanelet") if each.find("leftBound") is not None]
+        reasons = [(each, _reason_to_leave_out(each)) for each in root if each.tag in OBSTACLES]
+        kept = [(_stands(each), _obstacle(each)) for each, reason in reasons if reason is None]
+    obstacles, standing = ([each for stands, each in kept if stands == which] for which in (False, True))
+    if not lanelets:
         raise InputError(f"{path}: the scenario has no lanelets to take the road from")
-    if not scenario.obstacles:
+    if not obstacles:
         raise InputError(f"{path}: the scenario has no vehicle with a trajectory")
     for what, ids in (
-        ("lanelet", [each.name for each in scenario.lanelets]),
-        ("obstacle", [each.name for each in (*scenario.obstacles, *scenario.standing)]),
+        ("lanelet", [each.name for each in lanelets]),
+        ("obstacle", [each.name for each in (*obstacles, *standing)]),
     ):
         if len(set(ids)) < len(ids):
             raise InputError(f"{path}: {what} {max(ids, key=ids.count)} is there twice; remove one")
-    for obstacle in (*scenario.obstacles, *scenario.standing):
+    for obstacle in (*obstacles, *standing):
         check_numbers(path, {"the time": obstacle.states[:, 0]}, TIMES, f"obstacle {obstacle.name}")
-    last = max(obstacle.states[-1, 0] for obstacle in scenario.obstacles)
-    standing = [_lasting(obstacle, last) for obstacle in scenario.standing]
-    return _traffic(scenario, [*scenario.obstacles, *standing], path)
+    last = max(obstacle.states[-1, 0] for obstacle in obstacles)
+    obstacles += [_lasting(obstacle, last) for obstacle in standing]
+    left_out = Counter(reason for _, reason in reasons if reason is not None)
+    return _traffic(lanelets, obstacles, step_s, left_out, path)
 
 
-def _collect(file: BinaryIO, path: Path, scenario: _Scenario) -> None:
-    depth = 0
-    for event, element in iterparse(file, events=("start", "end")):
-        depth += 1 if event == "start" else -1
-        if event == "start" and depth == 1:
-            _check_root(element, path)
-            scenario.step_s = number(element.attrib["timeStepSize"])
-            check_numbers(path, {"timeStepSize": scenario.step_s}, STEP, "")
-        if event == "end" and depth == 1:
-            _take(element, scenario)
-            element.clear()
-
-
-def _check_root(root: Element, path: Path) -> None:
-    version = root.attrib.get("commonRoadVersion")
-    if root.tag != "commonRoad" or version not in VERSIONS:
-        raise InputError(f"{path}: CommonRoad version {version}; known are {' and '.join(VERSIONS)}")
-
-
-def _take(element: Element, scenario: _Scenario) -> None:
-    if element.tag == "lanelet" and element.find("leftBound") is not None:
-        scenario.lanelets.append(_lanelet(element))
-        scenario.signs_at[element.attrib["id"]] = _references(element, "trafficSignRef")
-    elif element.tag == "trafficSign":
-        scenario.signs[element.attrib["id"]] = _signs(element)
-    elif element.tag in ("obstacle", "dynamicObstacle", "staticObstacle"):
-        reason = _reason_to_leave_out(element)
-        if reason is not None:
-            scenario.left_out[reason] = scenario.left_out.get(reason, 0) + 1
-        elif element.tag == "staticObstacle" or element.findtext("role") == "static":
-            scenario.standing.append(_obstacle(element))
-        else:
-            scenario.obstacles.append(_obstacle(element))
+def _traffic(
+    lanelets: Sequence[Lanelet], obstacles: Sequence[_Obstacle], step_s: float, left_out: Counter[str], path: Path
+) -> ReadTraffic:
+    vehicle = np.repeat(np.arange(len(obstacles)), [len(obstacle.states) for obstacle in obstacles])
+    step, x, y, orientation, speed = np.concatenate([obstacle.states for obstacle in obstacles]).T
+    road, origin = road_of_lanelets(lanelets, x, y, path)
+    sizes = np.array([(obstacle.length_m, obstacle.width_m) for obstacle in obstacles])[vehicle]
+    size_m = sizes[:, 0], sizes[:, 1]
+    rows = rows_in(road, origin, vehicle, step * step_s, (x, y, orientation), speed, size_m)
+    names = np.array([obstacle.name for obstacle in obstacles])
+    return ReadTraffic(road, names, rows, len(obstacles) + left_out.total(), left_out)
 
 
 def _reason_to_leave_out(element: Element) -> str | None:
@@ -125,7 +102,14 @@ def _reason_to_leave_out(element: Element) -> str | None:
     return None
 
 
-def _lanelet(element: Element) -> Lanelet:
+def _stands(element: Element) -> bool:
+    return element.tag == "staticObstacle" or element.findtext("role") == "static"
+
+
+def _lanelet(element: Element, posts: Mapping[str, Mapping[str, float | None]]) -> Lanelet:
+    """Return a lanelet with what the signs at it say."""
+    signs = [sign for ref in _references(element, "trafficSignRef") for sign in posts.get(ref, {}).items()]
+    limits = [limit for kind, limit in signs if kind in LIMIT_SIGNS and limit is not None]
     return Lanelet(
         name=element.attrib["id"],
         left_xy=_points(element.find("leftBound")),
@@ -133,8 +117,9 @@ def _lanelet(element: Element) -> Lanelet:
         successors=_references(element, "successor"),
         left=_neighbour(element.find("adjacentLeft")),
         right=_neighbour(element.find("adjacentRight")),
-        speed_limit_mps=_positive(element.findtext("speedLimit")),
+        speed_limit_mps=min(limits) if limits else _positive(element.findtext("speedLimit")),
         kinds=tuple((kind.text or "").strip() for kind in element.findall("laneletType")),
+        gives_way=any(kind in GIVE_WAY_SIGNS for kind, _ in signs),
         signals=_references(element, "trafficLightRef"),
     )
 
@@ -159,22 +144,6 @@ def _signs(element: Element) -> dict[str, float | None]:
         kind = (sign.findtext("trafficSignID") or "").strip()
         found[kind] = _positive(sign.findtext("additionalValue")) if kind in LIMIT_SIGNS else None
     return found
-
-
-def _signed(scenario: _Scenario) -> list[Lanelet]:
-    """Return the lanelets with what the signs at them say."""
-    lanelets = []
-    for lanelet in scenario.lanelets:
-        signs = [sign for ref in scenario.signs_at[lanelet.name] for sign in scenario.signs.get(ref, {}).items()]
-        limits = [limit for kind, limit in signs if kind in LIMIT_SIGNS and limit is not None]
-        lanelets.append(
-            replace(
-                lanelet,
-                speed_limit_mps=min(limits) if limits else lanelet.speed_limit_mps,
-                gives_way=any(kind in GIVE_WAY_SIGNS for kind, _ in signs),
-            )
-        )
-    return lanelets
 
 
 def _points(bound: Element | None) -> FloatArray:
@@ -227,15 +196,3 @@ def _lasting(obstacle: _Obstacle, last: float) -> _Obstacle:
     steps = np.arange(0.0, last + 1.0)
     states = np.column_stack([steps, np.tile(obstacle.states[0, 1:], (len(steps), 1))])
     return _Obstacle(obstacle.name, states, obstacle.length_m, obstacle.width_m)
-
-
-def _traffic(scenario: _Scenario, obstacles: list[_Obstacle], path: Path) -> ReadTraffic:
-    states = np.concatenate([obstacle.states for obstacle in obstacles])
-    vehicle = np.repeat(np.arange(len(obstacles)), [len(obstacle.states) for obstacle in obstacles])
-    step, x, y, orientation, speed = states.T
-    road, origin = road_of_lanelets(_signed(scenario), x, y, path)
-    sizes = np.array([(obstacle.length_m, obstacle.width_m) for obstacle in obstacles])[vehicle]
-    time_s, size_m = step * scenario.step_s, (sizes[:, 0], sizes[:, 1])
-    rows = rows_in(road, origin, vehicle, time_s, (x, y, orientation), speed, size_m)
-    read = len(obstacles) + sum(scenario.left_out.values())
-    return ReadTraffic(road, np.array([obstacle.name for obstacle in obstacles]), rows, read, scenario.left_out)

@@ -6,7 +6,7 @@ Where the road frame is the plane, headings count from the x axis, and speeds ar
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from harness.common.bounds import TURNED_RAD, row_number
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, StringArray, taken, wrapped
 
 CHUNK_ROWS = 100_000
 Selection = npt.NDArray[np.bool_] | IntArray
@@ -39,7 +39,7 @@ class Rows:
 
     def take(self, rows: Selection) -> Self:
         """Return the chosen rows."""
-        return replace(self, **{column.name: getattr(self, column.name)[rows] for column in fields(self)})
+        return taken(self, rows)
 
 
 @dataclass(frozen=True)

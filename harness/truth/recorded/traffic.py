@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import singledispatch
 from pathlib import Path
 from typing import Any, cast
 
@@ -136,25 +135,18 @@ def assemble(read: ReadTraffic, path: Path, duration_s: float, start_s: float = 
     )
 
 
-OnRecord = tuple[Road, tuple[float, float], IntArray]
-
-
-@singledispatch
-def _road_on_record(road: Road, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRecord:  # noqa: ARG001
+def _road_on_record(
+    road: Road, clocked: Clocked, stay: IntArray, rows: Rows
+) -> tuple[Road, tuple[float, float], IntArray]:
     """Return the road, the stretch of it that is on record, and the lane of each row, shape (n,)."""
+    match road:
+        case CorridorRoad():
+            window_m = recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m)
+            return replace(road, section_m=window_m), window_m, road.lane_number_at(rows.lon_m, rows.lat_m)
+        case LaneGraphRoad(graph=graph):
+            # Nobody knows where in the plane what is on record ends.
+            return road, EVERYWHERE, 1 + lanes_driven(graph, stay, rows.lon_m, rows.lat_m, rows.heading_rad)
     raise TypeError(f"{type(road).__name__} is no kind of road that traffic is recorded on")
-
-
-@_road_on_record.register
-def _(road: CorridorRoad, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRecord:  # noqa: ARG001
-    window_m = recorded_window(clocked.step, clocked.stay, clocked.rows.lon_m)
-    return replace(road, section_m=window_m), window_m, road.lane_number_at(rows.lon_m, rows.lat_m)
-
-
-@_road_on_record.register
-def _(road: LaneGraphRoad, clocked: Clocked, stay: IntArray, rows: Rows) -> OnRecord:  # noqa: ARG001
-    # Nobody knows where in the plane what is on record ends.
-    return road, EVERYWHERE, 1 + lanes_driven(road.graph, stay, rows.lon_m, rows.lat_m, rows.heading_rad)
 
 
 def check_one_road(traffic: RecordedTraffic, path: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,18 +42,12 @@ POSE = {"a pose": PLACE_M, "the distance from a rotation": Numbers(0.0, 0.01)}
 THING = {"the number of a thing": Numbers(0, 10_000_000)}
 
 
-@dataclass(frozen=True)
-class SequenceFiles:
+class SequenceFiles(NamedTuple):
     """The files of a sequence."""
 
     labels: Path
     detections: Path
     poses: Path
-
-    @property
-    def all(self) -> tuple[Path, ...]:
-        """The three of them."""
-        return self.labels, self.detections, self.poses
 
 
 @dataclass(frozen=True)
@@ -86,7 +81,7 @@ def sequences(path: Path) -> tuple[SequenceFiles, ...]:
 
 def files_of(path: Path) -> tuple[Path, ...]:
     """Return the files of all sequences."""
-    return tuple(file for files in sequences(path) for file in files.all)
+    return tuple(file for files in sequences(path) for file in files)
 
 
 def read_kitti(path: Path) -> tuple[Drive, ...]:
