@@ -15,7 +15,7 @@ import numpy as np
 from harness.scoring.evidence.directions import along_axes
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, of_whole
+from harness.scoring.metrics.parts import ROWS, of_any, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -117,8 +117,8 @@ def _measured(error: FloatArray, std: FloatArray, hidden: BoolArray) -> Calibrat
 def _calibrated(nees: FloatArray, inside: IntArray, usable: IntArray) -> dict[str, object]:
     share = np.divide(100.0 * inside, usable, out=np.full(3, np.nan), where=usable > 0)
     return {
-        "nees": float(nees.mean()) if len(nees) else np.nan,
-        "nees_median": float(np.median(nees)) if len(nees) else np.nan,
+        "nees": of_any(np.mean, nees),
+        "nees_median": of_any(np.median, nees),
         "coverage95": dict(zip(("lon", "lat", "speed"), share.tolist(), strict=True)),
         "n": len(nees),
     }

@@ -13,8 +13,8 @@ import numpy as np
 from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.driving.encroachment import post_encroachment_times
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, of_whole
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from harness.scoring.metrics.parts import ROWS, of_any, of_whole
+from mmpf.numerics.arrays import FloatArray
 
 SHORT_TTC_S, HARD_DRAC_MPS2 = (1.5, 3.0), 3.4
 """Limits of a conflict in the literature."""
@@ -67,20 +67,16 @@ def conflicts(part: ConflictPart) -> dict[str, object]:
     """
     ttc, drac, pet = part.ttc_s, part.drac_mps2, part.pet_s
     finite, closing = ttc[np.isfinite(ttc)], drac[np.isfinite(drac) & (drac > 0.0)]
-
-    def percent(holds: BoolArray) -> float:
-        return 100.0 * float(holds.mean()) if len(holds) else np.nan
-
     return {
         "n": len(ttc),
-        "ttc_below_1_5_percent": percent(ttc < SHORT_TTC_S[0]),
-        "ttc_below_3_percent": percent(ttc < SHORT_TTC_S[1]),
-        "ttc_min_s": float(finite.min()) if len(finite) else np.nan,
-        "drac_above_3_4_percent": percent(drac > HARD_DRAC_MPS2),
-        "drac_p95_mps2": float(np.percentile(closing, 95)) if len(closing) else np.nan,
-        "drac_max_mps2": float(closing.max()) if len(closing) else np.nan,
+        "ttc_below_1_5_percent": 100.0 * of_any(np.mean, ttc < SHORT_TTC_S[0]),
+        "ttc_below_3_percent": 100.0 * of_any(np.mean, ttc < SHORT_TTC_S[1]),
+        "ttc_min_s": of_any(np.min, finite),
+        "drac_above_3_4_percent": 100.0 * of_any(np.mean, drac > HARD_DRAC_MPS2),
+        "drac_p95_mps2": of_any(lambda them: np.percentile(them, 95), closing),
+        "drac_max_mps2": of_any(np.max, closing),
         "closing_n": len(closing),
         "pet_n": len(pet),
-        "pet_min_s": float(pet.min()) if len(pet) else np.nan,
-        "pet_median_s": float(np.median(pet)) if len(pet) else np.nan,
+        "pet_min_s": of_any(np.min, pet),
+        "pet_median_s": of_any(np.median, pet),
     }

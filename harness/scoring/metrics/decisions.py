@@ -16,7 +16,7 @@ from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.evidence.rules import BRAKES_MPS2, COLLISION_TIME_S, DECISION_S, TIME_TOLERANCE_S
 from harness.scoring.evidence.stretches import stretches
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, of_whole, ratio
+from harness.scoring.metrics.parts import ROWS, of_any, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import BRAKING_KINDS, FATES, HIDDEN, OUT
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -150,15 +150,11 @@ def decisions(part: DecisionPart) -> dict[str, object]:
     """
     difference = np.abs(part.difference_mps2)
     kind, km, forbidden = part.kind, part.km, part.forbidden
-
-    def mean(values: FloatArray) -> float:
-        return float(values.mean()) if len(values) else np.nan
-
     table: dict[str, object] = {
         "km": km,
         "n": len(difference),
-        "accel_difference_mps2": mean(difference),
-        "accel_difference_p99_mps2": float(np.percentile(difference, 99)) if len(difference) else np.nan,
+        "accel_difference_mps2": of_any(np.mean, difference),
+        "accel_difference_p99_mps2": of_any(lambda them: np.percentile(them, 99), difference),
     }
     for code in (MISSED, PHANTOM):
         count = int((kind == code).sum())
@@ -169,9 +165,9 @@ def decisions(part: DecisionPart) -> dict[str, object]:
         of_kind = part.fate[kind == code]
         table[f"{BRAKING_KINDS[code]}_by"] = {FATES[place]: int((of_kind == place).sum()) for place in possible}
     return table | {
-        "lateness_s": mean(part.lateness_s),
+        "lateness_s": of_any(np.mean, part.lateness_s),
         "onsets": len(part.lateness_s),
-        "collision_time_error_s": mean(part.collision_time_error_s),
+        "collision_time_error_s": of_any(np.mean, part.collision_time_error_s),
         "collision_time_n": len(part.collision_time_error_s),
         "unsafe_gaps_percent": ratio(100.0 * part.accepted, forbidden),
         "forbidden_gaps": forbidden,

@@ -16,7 +16,7 @@ from harness.scoring.evidence.plain_view import begins, lasting_s
 from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.rules import PLAIN_VIEW_M, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, of_whole, ratio
+from harness.scoring.metrics.parts import ROWS, of_any, of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -235,8 +235,8 @@ def scores_in_plain_view(part: PlainViewPart) -> dict[str, object]:
         "n": int(counted.sum()),
         "worst_tenth": 100.0 * ratio(followed[worst].sum(), counted[worst].sum()),
         "worst_n": int(counted[worst].sum()),
-        "median_first_report_s": float(np.median(waits)) if len(waits) else np.nan,
-        "p90_first_report_s": float(np.percentile(waits, 90)) if len(waits) else np.nan,
+        "median_first_report_s": of_any(np.median, waits),
+        "p90_first_report_s": of_any(lambda them: np.percentile(them, 90), waits),
         "vehicles_n": len(waits),
         "never_reported": int((~part.reported & (part.view_s >= RANKED_S - TIME_TOLERANCE_S)).sum()),
         "dropped": int(part.drops.sum()),

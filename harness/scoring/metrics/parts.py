@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 
 from harness.scoring.gathered import Evidence
+from mmpf.numerics.arrays import BoolArray, FloatArray
 
 Part = TypeVar("Part")
 
@@ -84,6 +85,11 @@ def combined(parts: Sequence[Any]) -> Any:  # noqa: ANN401
 def joined(arrays: Sequence[np.ndarray[Any, np.dtype[Any]]], axis: int = 0) -> np.ndarray[Any, np.dtype[Any]]:
     """Return arrays as one; a single one is not copied."""
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays, axis=axis)
+
+
+def of_any(statistic: Callable[[Any], Any], values: FloatArray | BoolArray) -> float:
+    """Return a statistic of values, such as ``np.mean``; nan of none."""
+    return float(statistic(values)) if len(values) else np.nan
 
 
 def ratio(part: float, whole: float) -> float:

@@ -8,6 +8,7 @@ constant velocity.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from harness.scoring.evidence.matching import find_track_rows
 from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.rules import EVENT_JUDGED_S, FOLLOW_CUTOFF_M, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import ROWS, of_whole
+from harness.scoring.metrics.parts import ROWS, of_any, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -187,10 +188,7 @@ def _scores(windows: HiddenWindows, chosen: BoolArray) -> dict[str, float]:
     error_m, constant_m = windows.error_m[followed], windows.constant_m[followed]
     longest_m = FOLLOW_CUTOFF_M
     cost_m = np.where(windows.followed, np.fmin(windows.error_m, longest_m), longest_m)[chosen]
-
-    def mean(values: FloatArray | BoolArray) -> float:
-        return float(values.mean()) if len(values) else np.nan
-
+    mean = partial(of_any, np.mean)
     return {
         "windows": int(chosen.sum()),
         "followed_percent": 100.0 * mean(windows.followed[chosen]),
