@@ -10,7 +10,7 @@ from harness.scoring.metrics.closedloop import Contact
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import stand
 from harness.truth.sumo.session import Sumo
-from mmpf.numerics.arrays import BoolArray
+from mmpf.numerics.arrays import BoolArray, turned
 
 NO_CHECKS, ALL_CHECKS = 0, 31
 """SUMO's speed modes: drive what is demanded, whatever comes of it; and its default."""
@@ -102,7 +102,6 @@ def overlaps(frame: Frame) -> BoolArray:
     lon_m, lat_m = frame.lon_m - frame.lon_m[ego], frame.lat_m - frame.lat_m[ego]
     touched = np.ones(len(frame), dtype=np.bool_)
     for side_rad in (axis_rad, np.full(len(frame), axis_rad[ego])):
-        cosine, sine = np.cos(side_rad), np.sin(side_rad)
         reach_m = np.zeros((2, len(frame)))
         for heading_rad, length_m, width_m in (
             (axis_rad, frame.length_m, frame.width_m),
@@ -110,7 +109,7 @@ def overlaps(frame: Frame) -> BoolArray:
         ):
             along, across = np.abs(np.cos(side_rad - heading_rad)), np.abs(np.sin(side_rad - heading_rad))
             reach_m += 0.5 * np.stack([length_m * along + width_m * across, length_m * across + width_m * along])
-        off_m = np.abs(np.stack([lon_m * cosine + lat_m * sine, lat_m * cosine - lon_m * sine]))
+        off_m = np.abs(np.stack(turned(lon_m, lat_m, side_rad)))
         touched &= (off_m < reach_m).all(axis=0)
     touched[ego] = False
     return touched

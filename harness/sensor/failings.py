@@ -10,7 +10,7 @@ from harness.config.sensor import SensorSettings
 from harness.sensor.memory import Chain, SensorMemory, VehicleMemory, next_state
 from harness.sensor.noise import hidden_share
 from harness.truth.frame import Frame
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken, turned
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken, turned
 
 NARROW_M = 1.2
 """Width below which a vehicle is narrow."""
@@ -178,16 +178,11 @@ def split(settings: SensorSettings, boxes: DetectedBoxes, splits: BoolArray, hea
 
     lon, lat, long = (np.array(column) for column in (boxes.lon_m, boxes.lat_m, boxes.length_m))
     lon[chosen], lat[chosen], long[chosen] = part(-0.5 * FRONT_SHARE * length, 1.0 - FRONT_SHARE)
-    front = part(0.5 * (1.0 - FRONT_SHARE) * length, FRONT_SHARE)
-    return DetectedBoxes(
-        origin=np.concatenate([boxes.origin, boxes.origin[chosen]]),
-        lon_m=np.concatenate([lon, front[0]]),
-        lat_m=np.concatenate([lat, front[1]]),
-        length_m=np.concatenate([long, front[2]]),
-        width_m=np.concatenate([boxes.width_m, boxes.width_m[chosen]]),
-        axis_rad=np.concatenate([boxes.axis_rad, boxes.axis_rad[chosen]]),
-        second=np.arange(len(lon) + len(chosen)) >= len(lon),
-    )
+    front_lon, front_lat, front_long = part(0.5 * (1.0 - FRONT_SHARE) * length, FRONT_SHARE)
+    first = replace(boxes, lon_m=lon, lat_m=lat, length_m=long, second=np.zeros(len(lon), dtype=np.bool_))
+    second = np.ones(len(chosen), dtype=np.bool_)
+    front = replace(taken(boxes, chosen), lon_m=front_lon, lat_m=front_lat, length_m=front_long, second=second)
+    return joined(first, front)
 
 
 def shifted(

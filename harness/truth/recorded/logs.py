@@ -34,7 +34,7 @@ from harness.truth.recorded.detected.kitti import (
 )
 from harness.truth.recorded.detected.numbers import numbers_of, words_of
 from harness.truth.recorded.detected.recorded_drive import EGO
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, turned
 from mmpf.registry import Entry, Registry
 
 TRUTH, DETECTIONS, TRACKS = "truth", "detections", "tracks"
@@ -230,10 +230,8 @@ def _nuscenes(log: LogFile, path: Path) -> pd.DataFrame:
         "lon_m": place[:, 0], "lat_m": place[:, 1], "heading_rad": heading, "length_m": size[:, 1],
         "width_m": size[:, 0], "pedestrian": ~is_vehicle,
     }  # fmt: skip
-    cosine, sine = np.cos(heading), np.sin(heading)
     if np.isfinite(velocity).all():
-        columns["speed_mps"] = velocity[:, 0] * cosine + velocity[:, 1] * sine
-        columns["lat_speed_mps"] = velocity[:, 1] * cosine - velocity[:, 0] * sine
+        columns["speed_mps"], columns["lat_speed_mps"] = turned(velocity[:, 0], velocity[:, 1], heading)
     if log.role != DETECTIONS:
         columns["id"] = [str(box["tracking_id"]) for box in boxes]
     rows = pd.DataFrame(columns)

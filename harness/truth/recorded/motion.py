@@ -14,7 +14,7 @@ import numpy as np
 from harness.truth.frame import STEP_S
 from harness.truth.recorded.resample import Clocked
 from harness.truth.recorded.rows import Rows
-from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
+from mmpf.numerics.arrays import FloatArray, IntArray, turned, wrapped
 
 HALF_WIDTH_STEPS = 5
 CREEP_MPS = 2.0
@@ -40,12 +40,8 @@ def _completed_in_plane(clocked: Clocked) -> tuple[Rows, FloatArray]:
     # Step by step along and across the heading of that step, so that a turn alone is no drift.
     step_x, step_y = (np.diff(values, prepend=values[:1]) for values in (rows.lon_m, rows.lat_m))
     heading = rows.heading_rad - 0.5 * wrapped(np.diff(rows.heading_rad, prepend=rows.heading_rad[:1]))
-    cosine, sine = np.cos(heading), np.sin(heading)
     same = np.diff(stay, prepend=-1) == 0
-    along, across = (
-        np.cumsum(np.where(same, moved, 0.0))
-        for moved in (step_x * cosine + step_y * sine, step_y * cosine - step_x * sine)
-    )
+    along, across = (np.cumsum(np.where(same, moved, 0.0)) for moved in turned(step_x, step_y, heading))
     speed, lat_speed = _filled(rows.speed_mps, along, stay), _filled(rows.lat_speed_mps, across, stay)
     return replace(rows, speed_mps=speed, lat_speed_mps=lat_speed), local_slope(speed, stay)
 

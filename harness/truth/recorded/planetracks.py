@@ -20,7 +20,7 @@ from harness.truth.recorded.rows import ReadTraffic, rows_in
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import FloatArray, wrapped
+from mmpf.numerics.arrays import FloatArray, turned, wrapped
 from mmpf.scan import UNKNOWN_CLASS
 
 USUAL_LANE_M = 3.5
@@ -161,8 +161,7 @@ def _beside(lines: Sequence[MiddleLine]) -> list[tuple[int, int]]:
     found: list[tuple[int, int]] = []
     for k, line in enumerate(lines):
         offset = points - middle[k]
-        left_m = offset[:, 1] * np.cos(along[k]) - offset[:, 0] * np.sin(along[k])
-        ahead_m = offset[:, 0] * np.cos(along[k]) + offset[:, 1] * np.sin(along[k])
+        ahead_m, left_m = turned(offset[:, 0], offset[:, 1], along[k])
         fits = (owner != k) & (np.abs(wrapped(directions - along[k])) <= BESIDE_WITHIN_RAD) & (np.abs(ahead_m) <= 5.0)
         fits &= (np.abs(left_m) >= 0.6 * line.width_m) & (np.abs(left_m) <= 1.6 * line.width_m)
         sides: list[int] = []

@@ -19,7 +19,7 @@ from harness.truth.recorded.lanesdriven import lanes_driven
 from harness.truth.recorded.motion import local_slope
 from mmpf.map.lane_graph import NOWHERE
 from mmpf.map.road import NO_LANE
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.scan import CAR
 
 # A station wagon carried KITTI's camera; the sizes of other recording cars differ by little.
@@ -75,7 +75,7 @@ class DriveOnClock:
         self._starts, self._label_starts = label_starts + np.arange(len(ego) + 1), label_starts
         alone = np.zeros(len(ego), dtype=np.int64)
         x_speed, y_speed = local_slope(ego.x_m, alone), local_slope(ego.y_m, alone)
-        ego_speed = x_speed * np.cos(ego.heading_rad) + y_speed * np.sin(ego.heading_rad)
+        ego_speed, _ = turned(x_speed, y_speed, ego.heading_rad)
         lane, ego_lane = lane_numbers(drive, first_lane)
 
         def column(of_labels: npt.NDArray[Any], of_ego: npt.NDArray[Any] | float) -> npt.NDArray[Any]:
@@ -157,9 +157,8 @@ def motion_of(labels: Labels) -> Motion:
     # A thing that was not labelled for a while begins anew: no slope reaches over the pause.
     stay = np.cumsum((np.diff(thing, prepend=-1) != 0) | (np.diff(step, prepend=-1) != 1))
     x_speed, y_speed = local_slope(labels.x_m[order], stay), local_slope(labels.y_m[order], stay)
-    cosine, sine = np.cos(labels.heading_rad[order]), np.sin(labels.heading_rad[order])
-    speed = x_speed * cosine + y_speed * sine
-    columns = np.stack([speed, y_speed * cosine - x_speed * sine, local_slope(speed, stay)])
+    speed, lat_speed = turned(x_speed, y_speed, labels.heading_rad[order])
+    columns = np.stack([speed, lat_speed, local_slope(speed, stay)])
     back = np.argsort(order)
     speed, lat_speed, accel = columns[:, back]
     return Motion(speed, lat_speed, accel, parked=_parked(labels))
