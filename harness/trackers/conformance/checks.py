@@ -106,25 +106,7 @@ def check_tracker(make_tracker: TrackerFactory, options: Mapping[str, object] | 
 
 def tracker_checks() -> list[TrackerCheck]:
     """Return all checks, for parametrised tests: the functions of this module that are named so, in their order."""
-    found = (
-        _check_tracks_are_well_formed,
-        _check_one_car_becomes_one_confirmed_track,
-        _check_identities_stay_with_their_cars,
-        _check_identities_are_never_used_again,
-        _check_equal_seeds_give_equal_tracks,
-        _check_order_of_detections_means_nothing,
-        _check_scans_are_left_as_they_were,
-        _check_sizes_need_not_be_measured,
-        _check_no_detections_for_5_s,
-        _check_nothing_but_clutter,
-        _check_two_detections_at_one_point,
-        _check_500_detections,
-        _check_impossible_detections_are_refused,
-        _check_time_that_does_not_grow_is_refused,
-        _check_steps_of_1_s,
-        _check_identities_stay_on_a_bend,
-        _check_identities_stay_at_a_crossing,
-    )
+    found = [value for name, value in globals().items() if name.startswith("_check_")]
     roads = {_check_identities_stay_on_a_bend: bend_scene, _check_identities_stay_at_a_crossing: crossing_scene}
     return [
         TrackerCheck(check.__name__.removeprefix("_check_"), check, roads[check]()[0] if check in roads else ROAD)
