@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mmpf.map.reference_line import STRAIGHT, ReferenceLine
+from mmpf.map.reference_line import STRAIGHT, OnReferenceLine
 from mmpf.map.road import NO_LANE, InReach, Lane, LaneLine
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -20,7 +20,7 @@ LONGEST_ROAD_M = 5000.0
 
 
 @dataclass(frozen=True)
-class CorridorRoad:
+class CorridorRoad(OnReferenceLine):
     """Lanes along a reference line that carries the frame; see ``mmpf.map.road.Road``.
 
     Attributes:
@@ -39,27 +39,6 @@ class CorridorRoad:
     graph: ClassVar[None] = None
     has_headings: ClassVar[bool] = False
     signals: ClassVar[int] = 0
-
-    @cached_property
-    def _line(self) -> ReferenceLine:
-        return ReferenceLine(self.reference_xy, self.reference_start_m)
-
-    @property
-    def is_straight(self) -> bool:
-        """Whether the frame is the Cartesian plane up to a turn and a shift."""
-        return self._line.is_straight
-
-    def heading_at(self, lon_m: FloatArray) -> FloatArray:
-        """Return the Cartesian direction of the reference line, radians, the shape of ``lon_m``."""
-        return self._line.heading_at(lon_m)
-
-    def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape."""
-        return self._line.to_cartesian(lon_m, lat_m)
-
-    def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Undo ``to_cartesian`` for places of shape (n,)."""
-        return self._line.to_road(x, y)
 
     @cached_property
     def lane_table(self) -> FloatArray:

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from mmpf.map.lane_area import drawn_on_lanes, lanes_over, mean_lane_area_m2, pieces_within
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
-from mmpf.map.reference_line import STRAIGHT, ReferenceLine
+from mmpf.map.reference_line import STRAIGHT, OnReferenceLine
 from mmpf.map.road import InReach, Lane, LaneLine
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -20,7 +19,7 @@ MOST_DRAWINGS = 100
 
 
 @dataclass(frozen=True)
-class LaneGraphRoad:
+class LaneGraphRoad(OnReferenceLine):
     """A graph of lanes in the plane, and the walls beside them; see ``mmpf.map.road.Road``.
 
     Attributes:
@@ -43,27 +42,6 @@ class LaneGraphRoad:
     def signals(self) -> int:
         """How many traffic signals there are."""
         return self.graph.signals
-
-    @cached_property
-    def _line(self) -> ReferenceLine:
-        return ReferenceLine(self.reference_xy, self.reference_start_m)
-
-    @property
-    def is_straight(self) -> bool:
-        """Whether the frame is the Cartesian plane up to a turn and a shift."""
-        return self._line.is_straight
-
-    def heading_at(self, lon_m: FloatArray) -> FloatArray:
-        """Return the Cartesian direction of the reference line, radians, the shape of ``lon_m``."""
-        return self._line.heading_at(lon_m)
-
-    def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape."""
-        return self._line.to_cartesian(lon_m, lat_m)
-
-    def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Undo ``to_cartesian`` for places of shape (n,)."""
-        return self._line.to_road(x, y)
 
     def shifted(self, left_m: float) -> LaneGraphRoad:
         """Return the road with its lanes so far towards larger y; walls stay."""

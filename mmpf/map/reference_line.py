@@ -15,6 +15,34 @@ STRAIGHT = ((0.0, 0.0), (1.0, 0.0))
 """Along this line the frame is the plane itself."""
 
 
+class OnReferenceLine:
+    """The frame of a road that a reference line carries; see ``mmpf.map.road.Road``."""
+
+    reference_xy: tuple[tuple[float, float], ...]
+    reference_start_m: float
+
+    @cached_property
+    def _line(self) -> ReferenceLine:
+        return ReferenceLine(self.reference_xy, self.reference_start_m)
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether the frame is the Cartesian plane up to a turn and a shift."""
+        return self._line.is_straight
+
+    def heading_at(self, lon_m: FloatArray) -> FloatArray:
+        """Return the Cartesian direction of the reference line, radians, the shape of ``lon_m``."""
+        return self._line.heading_at(lon_m)
+
+    def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape."""
+        return self._line.to_cartesian(lon_m, lat_m)
+
+    def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Undo ``to_cartesian`` for places of shape (n,)."""
+        return self._line.to_road(x, y)
+
+
 @dataclass(frozen=True)
 class ReferenceLine:
     """A line of straight pieces, which goes on straight beyond its ends.
