@@ -162,13 +162,18 @@ def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traff
     assert (stopped["episode.flow_mps"] == flow_mps).all()
 
 
+def provoked(kind, **asked):
+    """Drive the provoked episode of one seed by the truth; return its result and the vehicle that is provoked."""
+    cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=kind, **asked)).cells[0]
+    with worker.opened(cell) as traffic:
+        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, EpisodeStart) and at.kind == kind)
+        run = next(run for run in cell.runs if run.kind == kind)
+        return worker.in_fork(lambda: run_episode(traffic, at, run)), at.provoked
+
+
 @pytest.mark.slow
 def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_the_way():
-    cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=STOPPED, flow=20.0)).cells[0]
-    with worker.opened(cell) as traffic:
-        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, EpisodeStart) and at.kind == STOPPED)
-        run = next(run for run in cell.runs if run.kind == STOPPED)
-        truth = worker.in_fork(lambda: run_episode(traffic, at, run)).tables[runfolder.TRUTH]
+    truth = provoked(STOPPED, flow=20.0)[0].tables[runfolder.TRUTH]
     its = truth[truth["vehicle_id"] == "broken_ahead"]
     assert its["step"].min() == LAST_TRACKED + 1
     assert its["speed_mps"].max() == 0.0
@@ -183,12 +188,8 @@ def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_th
 
 @pytest.mark.slow
 def test_a_dark_leader_is_detected_in_a_third_of_the_scans_and_brakes_to_a_stop():
-    cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=DARK, density=30.0)).cells[0]
-    with worker.opened(cell) as traffic:
-        at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, EpisodeStart) and at.kind == DARK)
-        run = next(run for run in cell.runs if run.kind == DARK)
-        result = worker.in_fork(lambda: run_episode(traffic, at, run))
-    truth, detections, leader = result.tables[runfolder.TRUTH], result.tables[runfolder.DETECTIONS], at.provoked
+    result, leader = provoked(DARK, density=30.0)
+    truth, detections = result.tables[runfolder.TRUTH], result.tables[runfolder.DETECTIONS]
     its = truth[truth["vehicle_id"] == leader]
     seen = detections["step"][detections["truth_id"] == leader].nunique()
     assert its["visible_fraction"][its["step"] <= LAST_TRACKED].min() > 0.7

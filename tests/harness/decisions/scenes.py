@@ -3,7 +3,6 @@
 import numpy as np
 
 from harness.decisions.bodies import Bodies, Egos
-from mmpf.map.lane_graph import NOWHERE, LaneGraph
 
 LENGTH_M, WIDTH_M = 4.0, 1.8
 
@@ -35,28 +34,4 @@ def bodies(*rows, direction=0.0) -> Bodies:
         direction_rad=np.broadcast_to(np.float64(direction), n).copy(),
         length_m=np.full(n, LENGTH_M),
         width_m=np.full(n, WIDTH_M),
-    )
-
-
-def lane_graph(lines, successors=None, left=None) -> LaneGraph:
-    """Return a graph of named lines; ``successors`` and ``left`` are by name."""
-    names = list(lines)
-    place = {name: number for number, name in enumerate(names)}
-    points = [np.array(lines[name], dtype=np.float64) for name in names]
-    following = [[place[other] for other in (successors or {}).get(name, ())] for name in names]
-    to_left = np.array([place[(left or {})[name]] if name in (left or {}) else NOWHERE for name in names])
-    to_right = np.full(len(names), NOWHERE)
-    for name, other in (left or {}).items():
-        to_right[place[other]] = place[name]
-    return LaneGraph(
-        name=tuple(names),
-        xy=np.concatenate(points),
-        first_point=np.cumsum([0, *map(len, points)]),
-        width_m=np.full(len(names), 3.2),
-        speed_limit_mps=np.full(len(names), 13.9),
-        left=to_left,
-        right=to_right,
-        successor=np.array([other for group in following for other in group], dtype=np.int64),
-        first_successor=np.cumsum([0, *map(len, following)]),
-        in_junction=np.zeros(len(names), dtype=bool),
     )

@@ -6,7 +6,8 @@ import pytest
 from harness.decisions.belief import NOBODY, believe
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
-from tests.harness.decisions.scenes import LENGTH_M, bodies, egos, lane_graph
+from tests.harness.decisions.scenes import LENGTH_M, bodies, egos
+from tests.mmpf.map.scenes import graph_of
 
 ROAD = highway(lanes=3, lane_width_m=3.66)
 MIDDLE = 1.5 * 3.66
@@ -67,15 +68,16 @@ def test_a_step_without_an_ego_has_nobody_around_it():
     assert belief.leader.body.tolist() == [0, NOBODY]
 
 
-FORK = lane_graph(
+FORK = graph_of(
     {
         "in": [(0, 0), (50, 0)],
         "straight": [(50, 0), (200, 0)],
         "up": [(50, 0), (60, 10), (60, 200)],
         "beside": [(0, 3.2), (50, 3.2)],
     },
-    {"in": ["straight", "up"]},
-    {"in": "beside"},
+    [("in", "straight"), ("in", "up")],
+    [("in", "beside")],
+    speed_limit_mps=13.9,
 )
 PLANE = LaneGraphRoad(graph=FORK)
 

@@ -1,6 +1,5 @@
 """Vehicles that have broken down: where they stand, that the others pass them, and that without any nothing changes."""
 
-from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,21 +13,17 @@ from harness.truth.network.network import load_network
 from harness.truth.sumo.brokendown import clear_of, place_broken_down
 from harness.truth.sumo.corridor_traffic import choose_ego
 from harness.truth.sumo.fill import Placement
-from harness.truth.sumo.simulation import NO_EGO, open_traffic
+from harness.truth.sumo.simulation import NO_EGO
 from tests.harness.closedloop.frames import frame_of
+from tests.harness.truth.sumo.test_simulation import drive
 
 US101 = load_network("us101")
 LANES, SECTION_M = (0.0, 18.3), (0.0, 640.0)
 
 
-def traffic(demand=15.0, duration_s=25.0, seed=3, **asked):
-    with closing(open_traffic(US101, demand=demand, duration_s=duration_s, seed=seed, **asked)) as truth:
-        return list(truth.frames())
-
-
 @pytest.fixture(scope="module")
 def frames():
-    return traffic(broken_down=1)
+    return drive(demand=15.0, duration_s=25.0, seed=3, broken_down=1)
 
 
 def broken_row(frame):
@@ -61,7 +56,7 @@ def test_who_comes_along_its_lane_steers_around_it_and_nobody_drives_through(fra
 
 
 def test_the_ego_of_a_minute_passes_it():
-    frames = traffic(broken_down=1, demand=10.0, duration_s=35.0, seed=4)
+    frames = drive(broken_down=1, demand=10.0, duration_s=35.0, seed=4)
     first = frames[0].vehicle_id[frames[0].ego]
     gaps = [float(f.lon_m[broken_row(f)] - f.lon_m[f.ego]) for f in frames if f.vehicle_id[f.ego] == first]
     assert gaps[0] > 50.0
@@ -69,7 +64,7 @@ def test_the_ego_of_a_minute_passes_it():
 
 
 def test_without_any_the_traffic_is_the_same_as_if_there_were_no_such_option():
-    asked, unasked = traffic(duration_s=4.0, broken_down=0), traffic(duration_s=4.0)
+    asked, unasked = drive(duration_s=4.0, broken_down=0), drive(duration_s=4.0)
     assert all(np.array_equal(a.lon_m, b.lon_m) for a, b in zip(asked, unasked, strict=True))
     assert resolve_run_config(None, {}).as_table() == resolve_run_config(None, {"broken_down": 0}).as_table()
     assert "broken_down" not in resolve_run_config(None, {}).as_table()["traffic"]
