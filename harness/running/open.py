@@ -46,6 +46,7 @@ from mmpf.map.lane_graph import without_map
 from mmpf.map.road import Lane, Road
 from mmpf.registry import UnknownNameError
 
+MOST_UNUSUAL = 3
 OpenSnapshots = Callable[[RunConfig], SnapshotStream]
 
 
@@ -145,7 +146,9 @@ def _simulated(config: RunConfig, simulate: Simulate) -> SnapshotStream:
     truth = simulate(network, traffic, config.seed, reach_m)
     left_out = network.sumo_inputs.left_out if network.sumo_inputs is not None else ()
     told = [f"left out of {network.name}: {', '.join(left_out)}"] * bool(left_out)
-    told += [f"unusual in {network.name}: {'; '.join(network.unusual[:3])}"] * bool(network.unusual)
+    more = [f"and {len(network.unusual) - MOST_UNUSUAL} more"] * (len(network.unusual) > MOST_UNUSUAL)
+    unusual = "; ".join([*network.unusual[:MOST_UNUSUAL], *more])
+    told += [f"unusual in {network.name}: {unusual}"] * bool(network.unusual)
     return replace(observe_traffic(truth, sensor, config.seed), files=_network_files(network), report="; ".join(told))
 
 

@@ -126,14 +126,13 @@ def _check_shape(text: str, element: Element, path: Path, who: str) -> list[str]
         if element.tag != "lane" or not _is_for_roads(element):
             return []  # that of a pavement may be its outline
         line = np.array([(*point, 0.0)[:3] for point in points])
-        if doubles_back(line):
-            raise ValueError("it doubles back")
+        told = [f"{who} doubles back"] * doubles_back(line)
         drawn_m = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
         for stated_m in _numbers(element.get("length", "")):
             most_m, usual_m = (share * stated_m + rough_m for share, rough_m in (AS_DRAWN, USUALLY_DRAWN))
             Numbers(stated_m - most_m, stated_m + most_m).check("its length", drawn_m)
             if abs(drawn_m - stated_m) > usual_m:
-                return [f"{who} is drawn {drawn_m:.4g} m long and said to be {stated_m:g} m"]
+                told.append(f"{who} is drawn {drawn_m:.4g} m long and said to be {stated_m:g} m")
     except ValueError as error:
         raise InputError(f"{path}: the shape of {who} is no list of points: {error}") from None
-    return []
+    return told

@@ -137,8 +137,9 @@ def test_places_beyond_the_end_of_an_edge_to_which_sumo_moves_vehicles_are_told(
 def test_colours_distributions_and_pavements_are_taken_and_what_is_unusual_is_told(tmp_path):
     lane = '<lane id=":w_0" allow="pedestrian" speed="1" length="3" width="12" shape="0,0 30,0 30,9 0,9"/>'
     types = '<vType id="a" color="1,0.5,0" speedFactor="norm(1,0)"/><vType id="b" color="red" vClass="bus" tau="3.5"/>'
-    (tmp_path / "a.net.xml").write_text(f"<net>{lane}{types}</net>")
-    assert check_xml(tmp_path / "a.net.xml") == ["tau of vType b is 3.5, 0.4 to 3 is usual"]
+    spike = '<lane id="b_0" speed="9" length="130" shape="0,0 40,0 20,1 90,0"/>'
+    (tmp_path / "a.net.xml").write_text(f"<net>{lane}{spike}{types}</net>")
+    assert check_xml(tmp_path / "a.net.xml") == ["lane b_0 doubles back", "tau of vType b is 3.5, 0.4 to 3 is usual"]
 
 
 def test_a_vehicle_that_departs_faster_than_its_type_can_is_an_error_of_the_input(tmp_path, capsys):
