@@ -6,6 +6,7 @@ files and those options that decide the traffic alone are handed over one by one
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ FILE_OPTIONS = {
     "route-files": ("route-files", "r"),
     "additional-files": ("additional-files", "additional", "a"),
 }
+UNITS_S = (1.0, 60.0, 3600.0, 86_400.0)
 TIMES = {"begin": ("begin", "b"), "end": ("end", "e")}
 # They are the harness's to set.
 OWN = frozenset({"step-length", "seed", "random", "step-method.ballistic"})
@@ -73,9 +75,15 @@ def _options(path: Path, values: dict[str, str]) -> list[tuple[str, str]]:
     for name, value in taken.items():
         if not PLAIN_VALUE.fullmatch(value):
             raise InputError(f"`net` {path}: {name} is {value[:40]!r}; give a plain number or word")
-    told = {name: number_or_nan(text) for name, text in taken.items()}
+    told = {name: _seconds(text) for name, text in taken.items()}
     check_numbers(f"`net` {path}", told, NUMBERS_OF_OPTIONS, "the configuration", "give a number")
     return [(name, value) for name, value in taken.items() if name != "end"]
+
+
+def _seconds(text: str) -> float:
+    """Return a number, or a time such as ``7:30:00`` or ``1:7:30:00`` with days before it in seconds; nan of others."""
+    parts = [number_or_nan(part) for part in reversed(text.split(":"))]
+    return sum(map(math.prod, zip(parts, UNITS_S, strict=False))) if len(parts) in (1, 3, 4) else math.nan
 
 
 def _named_files(path: Path, values: dict[str, str], aliases: tuple[str, ...]) -> list[Path]:

@@ -158,13 +158,13 @@ def test_nothing_but_inputs_and_behaviour_is_taken_from_a_configuration(tmp_path
         for name in ("tripinfo-output", "fcd-output", "summary-output", "log", "save-state.files", "output-prefix")
     )
     others = (
-        '<remote-port value="8813"/><num-clients value="2"/><begin value="5"/><end value="9"/><seed value="77"/>'
+        '<remote-port value="8813"/><num-clients value="2"/><end value="1:0:0:9"/><begin value="0:0:5"/>'
         '<step-length value="3"/><time-to-teleport value="120"/><load-state value="/etc/passwd"/>'
-        '<python-script value="x.py"/>'
+        '<seed value="77"/><python-script value="x.py"/>'
     )
     network = load_network(own(tmp_path, outputs + others))
     assert network.sumo_inputs is not None
-    assert dict(network.sumo_inputs.options) == {"begin": "5", "time-to-teleport": "120"}
+    assert dict(network.sumo_inputs.options) == {"begin": "0:0:5", "time-to-teleport": "120"}
     assert {"tripinfo-output", "remote-port", "load-state", "python-script"} <= set(network.sumo_inputs.left_out)
     before = set(tmp_path.iterdir())
     truth = open_traffic(network, duration_s=1.0, seed=0, warm_up_s=1.0)
