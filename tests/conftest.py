@@ -1,8 +1,14 @@
 import gc
+import os
+import sys
 
 import pytest
 
 from harness.common.isolation import trusted
+
+# Where bytecode is not kept, each of the many processes of the tests compiles all sources again.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_collection_finish():
@@ -35,4 +41,12 @@ def no_pictures():
     """Leave a run's pictures out, which take longer than a short run does."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.report.pictures.draw_figures", lambda folder, pictured: folder.mkdir())
+        yield
+
+
+@pytest.fixture(scope="module")
+def no_shadows():
+    """Leave out the sensor's shadows, which take most of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.sensor.detector.free_space", lambda *_: None)
         yield

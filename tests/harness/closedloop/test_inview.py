@@ -15,6 +15,7 @@ from harness.truth.sumo.population import draw_vehicle
 from mmpf.map.corridor_road import highway
 from tests.harness.closedloop.frames import frame_of
 
+pytestmark = pytest.mark.usefixtures("no_shadows")
 US101, ROAD = load_network("us101"), highway()
 LIDAR = sensor_settings("lidar", {})
 CAR = draw_vehicle(np.random.default_rng(0), Drivers())
@@ -54,11 +55,7 @@ def test_on_an_edge_with_a_further_lane_on_the_right_it_is_the_same_main_lane():
 
 @pytest.mark.parametrize(
     ("lon", "lat", "lat_speed"),
-    [
-        ([120.0], [MIDDLE_M], [0.0]),
-        ([170.0], [MIDDLE_M + 0.5], [0.0]),
-        ([120.0], [MIDDLE_M + 3.66], [-0.8]),
-    ],
+    [([120.0], [MIDDLE_M], [0.0]), ([170.0], [MIDDLE_M + 0.5], [0.0]), ([120.0], [MIDDLE_M + 3.66], [-0.8])],
 )
 def test_it_stands_nowhere_where_somebody_is_between_or_comes_there(lon, lat, lat_speed):
     assert stands(on_us101(lon, lat, lat_speed)) is None
