@@ -14,6 +14,7 @@ import pytest
 
 import harness
 from harness.commands.app import run_command_line
+from harness.common.watching import watched
 from harness.trackers.conformance.checks import tracker_checks
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.test_plug_ins import install
@@ -56,11 +57,16 @@ def scene(tmp_path_factory):
     return write_recorded_scene(tmp_path_factory.mktemp("scenes") / "scene")
 
 
-def run_with(folder, scene, monkeypatch, step="pass", make="pass", words=()):
+def written(folder, scene, name, step="pass", make="pass"):
+    """Write the tracker and return the words of a run with it."""
     (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make=make))
+    return ["run", "--replay", str(scene), "--tracker", name, "--quiet", "--out", str(folder / "out")]
+
+
+def run_with(folder, scene, monkeypatch, step="pass", make="pass", words=()):
+    run = written(folder, scene, "bad:make", step, make)
     monkeypatch.syspath_prepend(folder)
     monkeypatch.delitem(sys.modules, "bad", raising=False)
-    run = ["run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", str(folder / "out")]
     return run_command_line([*words] or run)
 
 
@@ -79,25 +85,39 @@ def test_what_a_tracker_does_in_a_step_is_one_line_with_its_file_and_line(step, 
     assert not list(tmp_path.glob(".out*"))
 
 
+def of_a_fork(folder, scene, **steps):
+    """Return what a watched command says on stderr and its exit code, in a fork of this process."""
+    told, words = folder / "told", written(folder, scene, "bad:make", **{"step": "pass", **steps})
+    if not (child := os.fork()):
+        code = 99
+        try:
+            os.closerange(3, 256)  # as in a new process
+            sys.modules.pop("bad", None)
+            sys.path.insert(0, str(folder))
+            sys.stdout = sys.stderr = told.open("w")
+            os.dup2(sys.stderr.fileno(), 2)
+            code = watched("harness.commands.app:run_command_line", words)
+        finally:
+            os._exit(code)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), told.read_text()
+
+
 @pytest.mark.parametrize(
     ("where", "does"),
     [
         ("step", "os.close(1); os.closerange(60, 256)"),
-        ("step", "import inspect; sys.setrecursionlimit(len(inspect.stack(0)) + 9)"),
         pytest.param("make", "sys.stdout = sys.stderr = None", marks=pytest.mark.slow),
     ],
 )
 def test_what_a_tracker_does_to_the_streams_has_no_effect(where, does, tmp_path, scene):
-    process = started(tmp_path, scene, **{"step": "pass", where: does}, name="bad:make")
-    assert process.communicate(timeout=120)[1] == ""
-    assert process.returncode == 0
+    assert of_a_fork(tmp_path, scene, **{where: does}) == (0, "")
 
 
 @pytest.mark.parametrize("where", ["step", pytest.param("make", marks=pytest.mark.slow)])
 def test_a_tracker_that_closes_files_of_the_run_is_named(where, tmp_path, scene):
-    process = started(tmp_path, scene, **{"step": "pass", where: "os.closerange(0, 60)"}, name="bad:make")
-    assert "bad:make" in process.communicate(timeout=120)[1]
-    assert process.returncode == 3
+    code, told = of_a_fork(tmp_path, scene, **{where: "os.closerange(0, 60)"})
+    assert code == 3
+    assert "bad:make" in told
 
 
 LEAVES = "pass\nsys.exit(0)\ndef other():\n    pass"
@@ -120,19 +140,24 @@ def test_a_tracker_changes_neither_what_is_recorded_nor_the_road_that_is_scored(
     assert (scene / "road.json").read_text() == (tmp_path / "out" / "road.json").read_text()
 
 
-def started(folder, scene, step, name, make="pass"):
-    (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make=make))
+def started(folder, scene, step, name):
+    words = written(folder, scene, name, step)
     install(folder, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
-    words = ["run", "--replay", str(scene), "--tracker", name, "--quiet", "--out", str(folder / "out")]
     paths = os.pathsep.join((str(folder), *filter(None, sys.path)))
-    env = {**os.environ, "PYTHONPATH": paths}
     return subprocess.Popen(
         [sys.executable, "-m", "harness", *words],
-        env=env,
+        env={**os.environ, "PYTHONPATH": paths},
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
+
+
+def test_how_deep_a_tracker_lets_calls_go_has_no_effect(tmp_path, scene):
+    lowers = "import inspect; sys.setrecursionlimit(len(inspect.stack(0)) + 9)"
+    process = started(tmp_path, scene, lowers, "bad:make")
+    assert process.communicate(timeout=120)[1] == ""
+    assert process.returncode == 0
 
 
 EXITS = ("os._exit(0)", "bad.py line 11 ended the process by os._exit(0)")
@@ -155,15 +180,12 @@ def test_a_tracker_that_ends_the_process_is_one_line(step, end, name, tmp_path, 
 
 @pytest.mark.parametrize(
     ("step", "told", "name"),
-    [
-        (*KILLS, "bad-one"),
-        pytest.param("raise KeyError('x')", "KeyError: 'x'", "bad:make", marks=pytest.mark.slow),
-    ],
+    [(*KILLS, "bad-one"), pytest.param("raise KeyError('x')", "KeyError: 'x'", "bad:make", marks=pytest.mark.slow)],
 )
 def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_there(
     step, told, name, tmp_path, scene, monkeypatch
 ):
-    (tmp_path / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make="pass"))
+    written(tmp_path, scene, name, step)
     install(tmp_path, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "bad", raising=False)
