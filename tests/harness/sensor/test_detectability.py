@@ -18,8 +18,8 @@ def shares(seen):
 
 
 def test_a_vehicle_keeps_its_detectability_all_along():
-    seen = film([frame_of(*AROUND)] * 600, **CALM, detectability_share=0.5)
-    first, second = shares(seen[:300]), shares(seen[300:])
+    seen = film([frame_of(*AROUND)] * 400, **CALM, detectability_share=0.5)
+    first, second = shares(seen[:200]), shares(seen[200:])
     assert all(abs(first[name] - second[name]) < 0.12 for name in first)
     dark = [name for name in first if first[name] < 0.99]
     assert 2 <= len(dark) <= 8
@@ -47,7 +47,7 @@ def test_factors_have_the_asked_for_share_mean_and_least():
 def test_narrow_vehicles_are_seen_less_often_than_wide_ones():
     frame = frame_of(*AROUND)
     narrow = np.where(np.arange(len(frame)) % 2 == 1, 0.8, 1.9)
-    seen = shares(film([replace(frame, width_m=narrow)] * 400, **CALM, detectability_narrow=0.6))
+    seen = shares(film([replace(frame, width_m=narrow)] * 200, **CALM, detectability_narrow=0.6))
     for k in range(1, 11):
         assert seen[f"car{k}"] == (pytest.approx(0.6, abs=0.08) if k % 2 else 1.0)
 
@@ -80,15 +80,15 @@ def test_mirror_images_keep_their_distance_to_a_vehicle():
 
 
 def test_posts_stand_at_the_same_places_for_the_whole_run_and_for_each_ego():
-    frames = [replace(frame_of(ego_lon=300.0), episode=k // 100) for k in range(200)]
+    frames = [replace(frame_of(ego_lon=300.0), episode=k // 60) for k in range(120)]
     seen = film(frames, **CALM, posts_per_km=20.0, std_lon_m=0.01, std_bearing_deg=0.0)
-    first, second = (np.concatenate([false_places(one)[0] for one in part]) for part in (seen[:100], seen[100:]))
+    first, second = (np.concatenate([false_places(one)[0] for one in part]) for part in (seen[:60], seen[60:]))
     places = [place for place in np.unique(np.round(first / 2.0)) if (np.round(first / 2.0) == place).sum() > 5]
     assert len(places) >= 5
     for place in places:
         assert np.isin([place - 1, place, place + 1], np.round(second / 2.0)).any()
     # Five lanes of 200 m in range, nine scans in ten.
-    assert len(first) / 100 == pytest.approx(0.9 * 20.0, rel=0.5)
+    assert len(first) / 60 == pytest.approx(0.9 * 20.0, rel=0.5)
 
 
 def test_posts_behind_a_vehicle_are_seen_only_where_shadows_do_not_hide_them():

@@ -13,6 +13,7 @@ from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.scan import CAR, TRUCK, VEHICLE_CLASSES
 from tests.harness.sensor.sensor_scenes import MIDDLE, ROAD, frame_of
 
+pytestmark = pytest.mark.usefixtures("no_shadows")
 SURE = {"detection_probability": 1.0, "clutter_per_scan": 0.0}
 # Independent errors of vehicles that are all detected, and reports that say what holds in plain view.
 STEADY = {
