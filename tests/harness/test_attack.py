@@ -13,6 +13,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from harness.commands.app import run_command_line
+from harness.common.isolation import trusted
 from tests.fuzz.child import state_of
 from tests.harness.recorded_scene import rewrite, write_recorded_scene
 from tests.harness.trackers.test_hostile_trackers import MODULE, TRACKS
@@ -52,11 +54,15 @@ MODELS = Path(__file__).parents[2] / "mmpf" / "models"
 
 
 class Input(NamedTuple):
-    """What makes the files in an empty folder and returns the command, a word of its line, and its exit code."""
+    """What makes the files in an empty folder and returns the command, a word of its line, and its exit code.
+
+    Where the command reads nothing but a scene of these tests it does so without forks, as in the tests of trackers.
+    """
 
     make: Callable[[Path], list[str]]
     word: str
     code: int = 2
+    forks: bool = True
 
 
 def scene(folder: Path) -> Path:
@@ -198,7 +204,7 @@ def tracker(step: str, word: str, code: int = 3, make: str = "pass") -> Input:
         (folder / "bad.py").write_text(MODULE.format(tracks=TRACKS, step=step, make=make))
         return ["run", "--replay", str(scene(folder)), "--tracker", "bad:make", "--quiet", "--out", "out"]
 
-    return Input(write, word, code)
+    return Input(write, word, code, forks=False)
 
 
 def model(**factors: float) -> Input:
@@ -374,7 +380,8 @@ def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(nam
     monkeypatch.setattr("harness.common.isolation.ProcessLimits.cpu_s", 5)
     words = INPUTS[name].make(tmp_path)
     before = untouched(tmp_path)
-    code = run_command_line(words)
+    with nullcontext() if INPUTS[name].forks else trusted():
+        code = run_command_line(words)
     told = capfd.readouterr().err
     assert code == INPUTS[name].code, told
     assert INPUTS[name].word in told

@@ -16,6 +16,8 @@ from harness.storage.schema import VISIBILITY_STATES
 from harness.storage.tables import write_table
 from tests.harness.stand_ins import SteadyTraffic, observing
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Path:
@@ -48,10 +50,10 @@ def scrambled(recording: Path) -> Path:
     ],
     ids=["mmpf gmm", "mmpf cvm", "mmpf gmm max_likelihood", "stonesoup-gnn"],
 )
-def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker, options, tmp_path):
+def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker, options):
     if tracker.startswith("stonesoup"):
         pytest.importorskip("stonesoup")
-    seen, unseen = (tracks_of(folder, tracker, options, tmp_path) for folder in (recording, scrambled))
+    seen, unseen = (tracks_of(folder, tracker, options) for folder in (recording, scrambled))
     assert len(pd.read_parquet(seen)) > 100
     assert seen.read_bytes() == unseen.read_bytes()
 
@@ -69,19 +71,20 @@ def test_measured_sizes_reach_the_tracker_which_may_ignore_them(recording, track
     assert (detections["length_m"].to_numpy() != 4.5).all(), "the true lengths must not be among the detections"
     rng = np.random.default_rng(98)
     write_table(detections.assign(length_m=rng.uniform(3.0, 18.0, len(detections))), folder / runfolder.DETECTIONS)
-    seen, resized = (tracks_of(one, tracker, options, tmp_path) for one in (recording, folder))
+    seen, resized = (tracks_of(one, tracker, options) for one in (recording, folder))
     assert (seen.read_bytes() != resized.read_bytes()) == minds_sizes
 
 
-def test_the_bound_that_is_told_the_truth_is_found_out(recording, scrambled, tmp_path):
-    seen, unseen = (tracks_of(folder, "oracle-kalman", {}, tmp_path) for folder in (recording, scrambled))
+def test_the_bound_that_is_told_the_truth_is_found_out(recording, scrambled):
+    seen, unseen = (tracks_of(folder, "oracle-kalman", {}) for folder in (recording, scrambled))
     assert seen.read_bytes() != unseen.read_bytes()
 
 
-def tracks_of(folder: Path, tracker: str, options: dict, tmp_path: Path) -> Path:
-    """Replay a folder and return the file of its tracks."""
+def tracks_of(folder: Path, tracker: str, options: dict) -> Path:
+    """Replay a folder, unless that was done before, and return the file of its tracks."""
     config = resolve_run_config(options={"replay": str(folder), "tracker": tracker, **options})
-    return run(config, out=tmp_path / f"{folder.name} again").folder / runfolder.TRACKS
+    out = folder.with_name(f"{folder.name} again {tracker} {'-'.join(map(str, options.values()))}")
+    return (out if out.exists() else run(config, out=out).folder) / runfolder.TRACKS
 
 
 def _noisy_truth(truth: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:

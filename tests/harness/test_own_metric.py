@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import shutil
 
 import pandas as pd
 import pytest
@@ -25,20 +26,32 @@ from harness.scoring.metrics import registry
 from tests.harness.grid.executors import InProcess
 from tests.harness.stand_ins import SteadyTraffic, observing
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 ECHO = "tests.harness.stand_ins:echo_tracker"
 STEPS = 8
 TRACKS_PER_STEP = Quantity("toy.tracks", "tracks a step", higher_is_better=True, decimals=2, heading="tracks")
 
 
-@pytest.fixture(autouse=True)
-def toy(monkeypatch) -> None:
-    """Register a metric for the length of a test."""
-    monkeypatch.setattr(registry, "METRICS", copy.deepcopy(registry.METRICS))
+def tracks_per_step(evidence) -> dict[str, object]:
+    steps = len(evidence.rows.time_s)
+    return {"tracks": len(evidence.rows.tracks) / steps if steps else None}
 
-    @register_metric("toy", TRACKS_PER_STEP)
-    def tracks_per_step(evidence) -> dict[str, object]:
-        steps = len(evidence.rows.time_s)
-        return {"tracks": len(evidence.rows.tracks) / steps if steps else None}
+
+@pytest.fixture(autouse=True, scope="module")
+def toy():
+    """Register a metric for the length of this module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "METRICS", copy.deepcopy(registry.METRICS))
+        register_metric("toy", TRACKS_PER_STEP)(tracks_per_step)
+        yield
+
+
+@pytest.fixture(scope="module")
+def finished(toy, tmp_path_factory):
+    """Return a grid that no test may change."""
+    request = GridRequest(densities="20", seeds="6", trackers=ECHO, duration_s=1.0)
+    return run_stress(request, tmp_path_factory.mktemp("own") / "grid", InProcess())
 
 
 def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
@@ -54,9 +67,7 @@ def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
     )
 
 
-def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a_comparison(tmp_path):
-    request = GridRequest(densities="20", seeds="12", trackers=ECHO, duration_s=1.0)
-    finished = run_stress(request, tmp_path / "grid", InProcess())
+def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a_comparison(finished, tmp_path):
     rows = pd.read_parquet(finished.folder / "runs.parquet")
     assert rows["toy.tracks"].gt(0.0).all()
     (point,) = (point for point in finished.points if point.metric == "toy.tracks")
@@ -74,9 +85,8 @@ def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a
     assert "| tracks a step |" in as_markdown(comparison)
 
 
-def test_runs_made_before_it_are_compared_without_it(tmp_path):
-    request = GridRequest(densities="20", seeds="2", trackers=ECHO, duration_s=1.0)
-    folder = run_stress(request, tmp_path / "grid", InProcess()).folder
+def test_runs_made_before_it_are_compared_without_it(finished, tmp_path):
+    folder = shutil.copytree(finished.folder, tmp_path / "grid")
     pd.read_parquet(folder / "runs.parquet").drop(columns="toy.tracks").to_parquet(folder / "runs.parquet")
     (folder / "manifest.json").unlink()  # a grid of then noted no hashes
     source = open_source(str(folder), "compare")

@@ -392,10 +392,10 @@ BROKEN = {
 
 @pytest.mark.forks
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_log_is_one_line_that_names_the_file(tmp_path, run, name, capfd):
+def test_a_broken_log_is_one_line_that_names_the_file(tmp_path, name, capfd):
+    truth, more = write_mot(tmp_path, "truth", 0.0)
     (tmp_path / name).write_bytes(BROKEN[name])
-    capfd.readouterr()
-    assert score(tmp_path, run.folder, tmp_path / name) == 2
+    assert score(tmp_path, truth, tmp_path / name, *more) == 2
     (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("error: --tracks")
     assert not (tmp_path / "scored").exists()
