@@ -174,7 +174,7 @@ def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(fil
 
 
 def test_all_trackers_see_the_same_detections_of_a_recording(files, tmp_path):
-    request = GridRequest(net=None, replay=files[:1], trackers=f"{ECHO},{ECHO}+gain=2", seeds="1")
+    request = GridRequest(net=None, replay=files[:1], ego="each:1", trackers=f"{ECHO},{ECHO}+gain=2", seeds="1")
     run_stress(request, tmp_path / "out", InProcess(open_snapshots=open_snapshots))
     runs = pd.read_parquet(tmp_path / "out" / RUNS)
     assert len(set(runs["detection_noise.lon_m"])) == 1

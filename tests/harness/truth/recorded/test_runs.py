@@ -27,7 +27,7 @@ def configured(path, **options):
 
 
 def test_the_configuration_of_a_run_says_all_that_is_needed_to_run_it_again(recording, tmp_path):
-    config = configured(recording, ego="each", duration=4.0)
+    config = configured(recording, ego="each", duration=3.5)
     first = run(config, out=tmp_path / "first").folder
     again = run(resolve_run_config(first / runfolder.CONFIG, options={"tracker": ECHO}), out=tmp_path / "again").folder
     assert config.traffic.net == "us101"
@@ -45,7 +45,7 @@ def test_a_recording_with_its_own_road_runs_again_from_its_configuration(write, 
 
 
 def test_a_run_on_recorded_traffic_can_itself_be_replayed_with_the_same_scores(recording, tmp_path):
-    first = run(configured(recording, ego="each"), out=tmp_path / "first")
+    first = run(configured(recording, ego="each", duration=3.0), out=tmp_path / "first")
     recording.unlink()
     again = run(configured(first.folder), out=tmp_path / "again")
     assert (first.folder / runfolder.TRUTH).read_bytes() == (again.folder / runfolder.TRUTH).read_bytes()
@@ -61,13 +61,13 @@ def test_the_metrics_say_what_became_of_every_vehicle(recording, tmp_path):
 
 
 def test_a_replay_of_a_run_refuses_another_ego(recording, tmp_path):
-    first = run(configured(recording), out=tmp_path / "first").folder
+    first = run(configured(recording, duration=0.5), out=tmp_path / "first").folder
     with pytest.raises(InputError, match="`ego`"):
         configured(first, ego="each")
 
 
 def test_a_run_may_begin_in_the_middle_of_a_recording(recording, tmp_path):
-    whole = pd.read_parquet(run(configured(recording), out=tmp_path / "whole").folder / runfolder.TRUTH)
+    whole = pd.read_parquet(run(configured(recording, duration=3.5), out=tmp_path / "whole").folder / runfolder.TRUTH)
     config = resolve_run_config(
         options={"replay": str(recording), "tracker": ECHO, "duration": 1.5}, settings=["traffic.recording.start_s=2"]
     )
