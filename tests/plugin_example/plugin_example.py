@@ -49,12 +49,7 @@ class Standstill:
         return np.empty((0, state.shape[1]))
 
     def propagate(
-        self,
-        state: np.ndarray,
-        latents: np.ndarray,
-        surroundings: Surroundings,
-        dt_s: float,
-        rng: np.random.Generator,
+        self, state: np.ndarray, latents: np.ndarray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
         return state.copy(), latents
 

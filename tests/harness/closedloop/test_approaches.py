@@ -35,10 +35,7 @@ def traffic(ego_m=25.0, ego_mps=8.0, other_m=60.0, other_mps=15.0, route=("west_
         frames.append(frame_of(lon, lat, speed, step, names, heading_rad=heading, direction_rad=heading, lane=lanes))
     vehicle = SimpleNamespace(getRoute={"other": route}.get)
     return SimpleNamespace(
-        frames=frames,
-        network=NETWORK,
-        running=SimpleNamespace(sumo=SimpleNamespace(vehicle=vehicle)),
-        step_s=0.1,
+        frames=frames, network=NETWORK, running=SimpleNamespace(sumo=SimpleNamespace(vehicle=vehicle)), step_s=0.1
     )
 
 

@@ -168,8 +168,5 @@ def test_a_fault_of_the_reader_itself_is_not_told_as_broken_input(monkeypatch, t
         isolated(lambda: untrusted_files.read_json(tmp_path / "a.json"), "`net`: a.json")
     with pytest.raises(NameError), untrusted_files.reading(tmp_path, "table"):
         untrusted_files.read_text(tmp_path)
-    with (
-        pytest.raises(InputError, match="no table: AttributeError"),
-        untrusted_files.reading(tmp_path, "table"),
-    ):
+    with pytest.raises(InputError, match="no table: AttributeError"), untrusted_files.reading(tmp_path, "table"):
         None.get("a")

@@ -130,7 +130,7 @@ def test_floating_car_data_are_packed_where_the_files_name_says_so(folder, tmp_p
     with pytest.raises(InputError, match="not an earlier export"):
         export_run(folder, "fcd", tmp_path / "thesis.xml", force=True)
     assert {path.name for path in tmp_path.iterdir()} == {
-        *("run", "plain.xml", "plain.vtypes.xml", "packed.xml.gz", "packed.vtypes.xml", "thesis.xml"),
+        *("run", "plain.xml", "plain.vtypes.xml", "packed.xml.gz", "packed.vtypes.xml", "thesis.xml")
     }
 
 

@@ -292,12 +292,7 @@ def test_a_wrong_option_leaves_nothing_behind(steady_traffic, tmp_path):
 @pytest.fixture(scope="module")
 def sumo_runs(tmp_path_factory) -> dict[str, Path]:
     """Short runs on SUMO that differ in one setting each."""
-    settings: dict[str, dict[str, object]] = {
-        "one": {},
-        "same": {},
-        "cam": {"model": "cam"},
-        "few": {"particles": 100},
-    }
+    settings: dict[str, dict[str, object]] = {"one": {}, "same": {}, "cam": {"model": "cam"}, "few": {"particles": 100}}
     folder = tmp_path_factory.mktemp("runs")
     return {
         name: run(

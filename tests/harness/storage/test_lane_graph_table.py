@@ -43,7 +43,7 @@ def test_a_graph_comes_back_as_it_was(road, written):
 def test_a_road_without_a_graph_says_nothing_of_one(tmp_path):
     write_road(highway(), tmp_path / "road.json")
     assert set(json.loads((tmp_path / "road.json").read_text())) == {
-        *("lanes", "reference_xy", "reference_start_m", "section_m"),
+        *("lanes", "reference_xy", "reference_start_m", "section_m")
     }
 
 

@@ -24,11 +24,7 @@ HIDDEN, NEW = 7, 30
 
 
 def hidden_and_new(
-    apart_m: float = 1.0,
-    unseen_s: float = 2.0,
-    age_s: float = 0.3,
-    apart_mps: float = 0.0,
-    existence: float = 0.9,
+    apart_m: float = 1.0, unseen_s: float = 2.0, age_s: float = 0.3, apart_mps: float = 0.0, existence: float = 0.9
 ) -> Mixture:
     return belief_of(
         [spot(50.0, 5.0), spot(50.0 + apart_m, 5.0, 20.0 + apart_mps)],

@@ -87,9 +87,7 @@ def test_the_reported_name_stays_or_else_the_elders_in_the_place_of_the_one_seen
 
 
 @pytest.mark.parametrize("unseen_s", [(0.1, 0.0), (1.5, 1.5)], ids=["both seen", "both hidden"])
-def test_two_that_were_both_reported_are_merged_if_both_are_seen_or_both_hidden(
-    unseen_s: tuple[float, float],
-) -> None:
+def test_two_that_were_both_reported_are_merged_if_both_are_seen_or_both_hidden(unseen_s: tuple[float, float]) -> None:
     assert merged_after(elder_and_younger(1.0, (True, True), unseen_s), 3).components.track_id.tolist() == [ELDER]
 
 

@@ -85,10 +85,7 @@ def test_the_time_to_the_first_report_is_time_in_plain_view_and_all_of_it_withou
     assert both["vehicles_n"] == 2
 
 
-@pytest.mark.parametrize(
-    ("without", "dropped"),
-    [((20, 25), 1), ((20, 24), 0), ((35, STEPS), 1), ((0, 20), 0)],
-)
+@pytest.mark.parametrize(("without", "dropped"), [((20, 25), 1), ((20, 24), 0), ((35, STEPS), 1), ((0, 20), 0)])
 def test_dropped_is_who_stays_in_plain_view_for_half_a_second_after_its_track_ends(without, dropped):
     kept = np.array([step for step in range(STEPS) if not without[0] <= step < without[1]])
     found = scores(Scene(STEPS).vehicle("car", lon=30.0, detected=np.arange(STEPS) % 5 == 0).track(1, 30.0, at=kept))

@@ -78,10 +78,7 @@ def write_ngsim_text(path: Path, rows: Sequence[Sequence[object]] | None = None)
 
 def in_plane(lon_m: float, lat_m: float, turn_rad: float) -> tuple[float, float]:
     """Return where a position beside a straight road through the origin lies in the plane."""
-    return (
-        lon_m * np.cos(turn_rad) - lat_m * np.sin(turn_rad),
-        lon_m * np.sin(turn_rad) + lat_m * np.cos(turn_rad),
-    )
+    return (lon_m * np.cos(turn_rad) - lat_m * np.sin(turn_rad), lon_m * np.sin(turn_rad) + lat_m * np.cos(turn_rad))
 
 
 def write_commonroad(
