@@ -9,10 +9,11 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.trackers.catalogue import available_trackers, build_tracker
-from harness.trackers.conformance.checks import TrackerCheck, tracker_checks
+from harness.trackers.conformance.checks import TrackerCheck, check_tracker, tracker_checks
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR
 from harness.trackers.protocol import TrackerSetting, TruthAssociatedTracker
 
+FEWER = {"particles": 200}
 # The published rule weighs components by products over time: some starve, and their vehicles go without a track.
 BEYOND_THE_PUBLISHED_RULE = {
     "identities_stay_with_their_cars",
@@ -61,7 +62,12 @@ def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
         pytest.importorskip("stonesoup")
     if name == "lmb":
         pytest.importorskip("multisensor_lmb_filters_rs")
-    check(lambda setting, options: build_tracker(name, setting, options))
+    check(lambda setting, options: build_tracker(name, setting, options), FEWER if name == "mmpf" else {})
+
+
+@pytest.mark.slow
+def test_the_filter_conforms_with_as_many_particles_as_by_default():
+    check_tracker(lambda setting, options: build_tracker("mmpf", setting, options))
 
 
 @pytest.mark.parametrize("check", [each for each in tracker_checks() if each.name not in BEYOND_MEMORYLESS], ids=str)
@@ -71,7 +77,7 @@ def test_the_baseline_conforms_but_for_its_identities(check: TrackerCheck):
 
 @pytest.mark.parametrize("check", published_rule_checks(), ids=str)
 def test_the_published_rule_conforms_but_for_its_starving_components(check: TrackerCheck):
-    check(lambda setting, options: build_tracker("mmpf", setting, options), {"update": "max_likelihood"})
+    check(lambda setting, options: build_tracker("mmpf", setting, options), {"update": "max_likelihood", **FEWER})
 
 
 def test_only_the_oracle_is_told_the_association():
