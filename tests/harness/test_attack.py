@@ -166,7 +166,7 @@ def network_folder(element: str, word: str, code: int = 2) -> Input:
         net = shutil.copytree(US101, folder / "net")
         types = next(path for path in net.glob("*.xml") if "<vType " in path.read_text())
         types.write_text(types.read_text().replace("<vType ", f"{element}<vType ", 1))
-        return ["run", "--net", str(net), *ECHO]
+        return ["run", "--net", str(net), "--density", "5", *ECHO]
 
     return Input(make, word, code)
 

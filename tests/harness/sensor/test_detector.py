@@ -146,11 +146,11 @@ def test_a_forward_sensor_sees_nothing_behind_it():
 
 def test_without_detections_only_clutter_is_left_and_its_number_is_poisson():
     counts = []
-    for seen in looks(frame_of((30, 0)), 600, detection_probability=0.0, clutter_per_scan=3.0):
+    for seen in looks(frame_of((30, 0)), 300, detection_probability=0.0, clutter_per_scan=3.0):
         assert set(seen.truth_id) <= {""}
         assert np.isnan(seen.detection_visible_fraction).all()
         counts.append(len(seen.truth_id))
-    assert np.mean(counts) == pytest.approx(3.0, abs=4 * np.sqrt(3.0 / 600))
+    assert np.mean(counts) == pytest.approx(3.0, abs=4 * np.sqrt(3.0 / 300))
     assert np.var(counts) == pytest.approx(3.0, rel=0.25)
 
 

@@ -67,7 +67,7 @@ def test_two_detections_of_one_vehicle_in_one_scan_both_count():
 def test_its_errors_are_as_large_as_it_says():
     car = ScriptedCar("car", EGO_START_M + 20.0, speed_mps=22.0)
     scaled = []
-    for seed in range(200):
+    for seed in range(100):
         scans = scripted_scans([car], TIMES_S[:15], np.random.default_rng(seed))
         last = follow(scans, birth_speed_std_mps=2.0)[-1]
         scaled.append((last.lon_m[0] - car.lon_at(TIMES_S[14])) / last.std_lon_m[0])
