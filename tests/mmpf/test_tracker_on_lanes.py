@@ -60,7 +60,6 @@ WAYS = {
 
 def place(name: str, time_s: float) -> tuple[float, float]:
     graph = ROAD.graph
-    assert graph is not None
     lanes, begin_m, speed_mps = WAYS[name]
     along_m = begin_m + speed_mps * time_s
     for lane in lanes:

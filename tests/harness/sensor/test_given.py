@@ -32,7 +32,6 @@ def test_a_snapshot_has_the_detections_of_its_frame(tmp_path: Path) -> None:
         assert of_parked.sum() == 1
         assert detections.lon_m[of_parked] == pytest.approx(PARKED_XY[0], abs=1e-4)
         assert detections.lat_m[of_parked] == pytest.approx(PARKED_XY[1], abs=1e-4)
-        assert detections.sizes is not None
         assert detections.sizes.length_m[of_parked] == pytest.approx(4.4)
         assert np.isnan(detections.speed_mps).all()
         detections.validate()
@@ -54,7 +53,6 @@ def test_who_is_not_detected_is_hidden_and_who_is_no_vehicle_is_out(tmp_path: Pa
 
 def test_outside_of_the_camera_s_view_no_place_is_free(tmp_path: Path) -> None:
     scan = snapshots_from(tmp_path).kept().stream[0].observation.scan  # type: ignore[index]
-    assert scan.free_space is not None
     bearing = np.deg2rad(np.arange(-179.75, 180.0, 0.5))
     behind = np.abs(bearing) > np.deg2rad(41.5)
     assert (scan.free_space.range_m[behind] == 0.0).all()

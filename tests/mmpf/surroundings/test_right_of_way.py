@@ -91,7 +91,6 @@ def test_what_was_seen_of_a_signal_is_forgotten() -> None:
 def test_a_signal_that_the_scan_tells_is_as_it_is_told_whatever_was_seen_but_for_those_who_start_late() -> None:
     graph = crossing(SIGNALS)
     chance = open_probability(np.array([4.0, 0.0, -4.0, 0.0]), np.array([False, True]), vehicles(graph), graph)
-    assert chance is not None
     assert chance.tolist() == [0.1, 1.0, 0.95, 1.0]
 
 
@@ -110,7 +109,6 @@ def test_who_has_to_give_way_goes_unless_one_with_right_of_way_comes(
 ) -> None:
     graph = crossing({"east": FREE, "north": YIELD})
     chance = open_probability(unknown_signals(graph), None, vehicles(graph, comes), graph)
-    assert chance is not None
     assert chance[2] == (0.95 if may_go else 0.3)
     assert chance[0] == 1.0, "who has right of way waits for nobody"
 
@@ -122,7 +120,6 @@ def test_a_graph_that_says_nothing_of_its_links_leaves_everybody_go() -> None:
 
 def test_links_that_lead_nowhere_are_refused() -> None:
     control = crossing(SIGNALS).control
-    assert control is not None
     with pytest.raises(ValueError, match="kind, foe or signal"):
         replace(control, foe=np.array([9]))
     with pytest.raises(ValueError, match="must be of the kind SIGNAL"):

@@ -19,7 +19,6 @@ SHEET = SensorModel()
 def share(x: float, y: float, free_space: FreeSpace | None = AHEAD) -> float:
     """Return the share in view of a vehicle at a place, seen from the sensor."""
     shares = share_in_field(PLANE, np.array([100.0 + x]), np.array([y]), np.array([1.5]), free_space)
-    assert shares is not None
     return float(shares[0])
 
 

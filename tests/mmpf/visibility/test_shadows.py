@@ -229,5 +229,4 @@ def test_crossing_vehicles_hide_each_other_by_the_sides_that_they_show() -> None
         bodies = Occluders(np.array([8.0, 5.0]), np.array([2.0, 1.8]), rng.uniform(-np.pi, np.pi, 2))
         table = depth_table(plane, lon, lat, np.ones(2, dtype=np.bool_), bodies)
         found = visible_fractions(plane, lon, lat, np.arange(2), bodies, table)
-        assert bodies.turn_rad is not None
         assert found == pytest.approx(traced(np.stack([lon, lat]), bodies.turn_rad, bodies), abs=0.12)

@@ -163,7 +163,6 @@ def test_nothing_but_inputs_and_behaviour_is_taken_from_a_configuration(tmp_path
         '<seed value="77"/><python-script value="x.py"/>'
     )
     network = load_network(own(tmp_path, outputs + others))
-    assert network.sumo_inputs is not None
     assert dict(network.sumo_inputs.options) == {"begin": "0:0:5", "time-to-teleport": "120"}
     assert {"tripinfo-output", "remote-port", "load-state", "python-script"} <= set(network.sumo_inputs.left_out)
     before = set(tmp_path.iterdir())

@@ -19,7 +19,6 @@ def test_a_building_has_as_many_walls_as_sides_though_its_outline_is_open(tmp_pa
     square = '<poly id="b" type="building.yes" color="red" fill="1" layer="0" shape="0,0 10,0 10,5 0,5"/>'
     park = '<poly id="p" type="park" color="green" fill="1" layer="0" shape="0,0 9,0 9,9"/>'
     walls = read_walls([polygons(tmp_path, square + park)])
-    assert walls is not None
     assert walls.tolist() == [[0, 0, 10, 0], [10, 0, 10, 5], [10, 5, 0, 5], [0, 5, 0, 0]]
 
 

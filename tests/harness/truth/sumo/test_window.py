@@ -136,7 +136,6 @@ def environment() -> Iterator[dict[str, str]]:
     """Open a virtual screen and return an environment in which windows open on it."""
     command = [str(XVFB), "-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
-        assert server.stdout is not None
         yield os.environ | {"DISPLAY": f":{server.stdout.readline().strip()}"}
         server.terminate()
 

@@ -15,7 +15,7 @@ from harness.running.open import open_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.truth.recorded.detected.av2 import read_av2
 from harness.truth.recorded.detected.source import DriveTruth
-from mmpf.map.lane_graph import NOWHERE
+from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.map.road import NO_LANE
 from tests.harness.truth.recorded.detected.test_av2 import CITY, STEPS, YAW_RAD, write_av2
 
@@ -67,27 +67,24 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_vehicles_lanes_are_the_road_and_bicycles_lanes_are_not(folder: Path) -> None:
+@pytest.fixture
+def graph(folder: Path) -> LaneGraph:
     (drive,) = read_av2(folder, with_map=True)
-    graph = drive.lanes
-    assert graph is not None
+    return drive.lanes
+
+
+def test_vehicles_lanes_are_the_road_and_bicycles_lanes_are_not(graph: LaneGraph) -> None:
     assert graph.name == ("1", "2", "3", "4", "5", "6")
     assert graph.width_m[[0, 3, 5]] == pytest.approx(WIDTH_M)
     assert graph.line(0)[0] == pytest.approx(-20.0 * AHEAD, abs=1e-3)
 
 
-def test_both_ways_across_the_junction_follow_and_are_in_it(folder: Path) -> None:
-    (drive,) = read_av2(folder, with_map=True)
-    graph = drive.lanes
-    assert graph is not None
+def test_both_ways_across_the_junction_follow_and_are_in_it(graph: LaneGraph) -> None:
     assert graph.successor[graph.first_successor[0] : graph.first_successor[1]].tolist() == [1, 2]
     assert graph.in_junction.tolist() == [False, True, True, False, False, False]
 
 
-def test_an_oncoming_lane_is_no_neighbour(folder: Path) -> None:
-    (drive,) = read_av2(folder, with_map=True)
-    graph = drive.lanes
-    assert graph is not None
+def test_an_oncoming_lane_is_no_neighbour(graph: LaneGraph) -> None:
     assert (graph.left[0], graph.right[0]) == (NOWHERE, 5)
     assert (graph.left[3], graph.left[5]) == (NOWHERE, 0)
 
@@ -95,7 +92,6 @@ def test_an_oncoming_lane_is_no_neighbour(folder: Path) -> None:
 def test_the_ego_drives_on_its_lane_and_who_walks_is_on_none(folder: Path) -> None:
     truth = DriveTruth(folder, "av2", read_av2(folder, with_map=True))
     graph = truth.road.graph
-    assert graph is not None
     for frame in truth.frames():
         lanes = dict(zip(frame.vehicle_id.tolist(), frame.lane.tolist(), strict=True))
         assert graph.name[lanes["ego"] - 1] == "1"
@@ -113,7 +109,6 @@ def test_logs_with_maps_lie_beside_each_other(tmp_path: Path) -> None:
     a, b, c = read_av2(tmp_path, with_map=True)
     truth = DriveTruth(tmp_path, "av2", (a, replace(b, lanes=None), c))
     graph = truth.road.graph
-    assert graph is not None
     assert graph.name[::6] == ("log a/1", "log c/1")
     egos = {frame.episode: frame for frame in truth.frames() if frame.step % STEPS == 0}
     assert [float(frame.lon_m[0]) for frame in egos.values()] == [0.0, 2000.0, 4000.0]
@@ -125,14 +120,12 @@ def test_logs_with_maps_lie_beside_each_other(tmp_path: Path) -> None:
 
 def test_unless_the_map_is_asked_for_nothing_is_known_of_lanes(folder: Path) -> None:
     truth = DriveTruth(folder, "av2", read_av2(folder))
-    assert truth.road.graph is not None
     assert not truth.road.graph.has_map
     assert all((frame.lane == NO_LANE).all() for frame in truth.frames())
 
 
 def test_the_setting_takes_the_map_as_the_road_of_a_run(folder: Path) -> None:
     snapshots = open_snapshots(resolve_run_config(None, {"replay": str(folder), "format": "av2"}, WITH_MAP))
-    assert snapshots.road.graph is not None
     assert snapshots.road.graph.name == ("1", "2", "3", "4", "5", "6")
     assert any("map" in name for name in snapshots.files)
 
