@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -95,15 +94,13 @@ def ablated_quantities() -> list[Quantity]:
     return view(COLUMNS, SWITCHES_A_RUN)
 
 
-def ablation_request(net: str, seeds: str, duration_s: float) -> GridRequest:
-    """Return the grid of all arms in dense traffic, where association is hard."""
-    return GridRequest(net=net, densities="45", trackers=",".join(ABLATIONS), seeds=seeds, duration_s=duration_s)
-
-
-def ideal_request(net: str, seeds: str, duration_s: float) -> GridRequest:
-    """Return the grid of ``IDEAL_ABLATIONS`` in the same traffic, seen by the paper's sensor."""
-    request = ablation_request(net, seeds, duration_s)
-    return replace(request, trackers=",".join(IDEAL_ABLATIONS), sensor=IDEAL_SENSOR)
+def ablation_request(
+    net: str, seeds: str, duration_s: float, arms: Mapping[str, str] = ABLATIONS, sensor: str | None = None
+) -> GridRequest:
+    """Return the grid of some arms in dense traffic, where association is hard."""
+    return GridRequest(
+        net=net, densities="45", trackers=",".join(arms), seeds=seeds, duration_s=duration_s, sensor=sensor
+    )
 
 
 def ablation_rows(runs: pd.DataFrame, arms: Mapping[str, str] = ABLATIONS) -> list[dict[str, Any]]:

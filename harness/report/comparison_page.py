@@ -54,13 +54,14 @@ def comparison_page(comparison: Judgement) -> str:
     why, text = comparison.why, as_markdown(comparison, with_replay=True)
     a, b = both
     marks = differences(a, b, (why.a, why.b))
+    sides = (a.config.tracker.in_words(), why.folder_a), (b.config.tracker.in_words(), why.folder_b)
     return render(
         "comparison.html.j2",
         title=title_of([text]) or "Comparison",
         text=as_html(text),
         charts=charts,
         **chart_parts(list(charts.values())),
-        **replay_parts(a, SecondRun(b, marks, largest_difference(marks, a.truth)), _headings(why, both)),
+        **replay_parts(a, SecondRun(b, marks, largest_difference(marks, a.truth)), sides),
     )
 
 
@@ -138,12 +139,6 @@ def _same_detections(why: Why) -> tuple[RecordedRun, RecordedRun] | None:
     last = min(int(run.truth["step"].max()) for run in both)
     seen = [run.detections.loc[run.detections["step"] <= last, DETECTED].reset_index(drop=True) for run in both]
     return (a, b) if seen[0].equals(seen[1]) else None
-
-
-def _headings(why: Why, runs: tuple[RecordedRun, RecordedRun]) -> tuple[tuple[str, str], ...]:
-    """Return for each side the label of its tracker, and its folder."""
-    folders = (why.folder_a, why.folder_b)
-    return tuple((run.config.tracker.in_words(), folder) for run, folder in zip(runs, folders, strict=True))
 
 
 def write_kept_pages(folder: Path, quiet: bool) -> None:

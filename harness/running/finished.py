@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -124,15 +123,13 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
         until = None if last_step is None else Until(step, last_step)
         return runfolder.read_table(folder, name, parameter, until=until)
 
-    def sometimes(*names: str) -> Iterator[pd.DataFrame | None]:
-        there = all((folder / name).is_file() for name in names)
-        return (table(name) if there else None for name in names)
+    def has(*names: str) -> bool:
+        return all((folder / name).is_file() for name in names)
 
     # Both or none: a run that was made before drivers were asked has neither.
-    brakings, commands = sometimes(runfolder.BRAKINGS, runfolder.COMMANDS)
+    asked = has(runfolder.BRAKINGS, runfolder.COMMANDS)
     road, truth = runfolder.read_road(folder / runfolder.ROAD, parameter), table(runfolder.TRUTH)
     check_truth(truth, road, f"`{parameter}`: {folder / runfolder.TRUTH}")
-    (particles,), (unseen,) = sometimes(runfolder.PARTICLES), sometimes(runfolder.UNSEEN)
     return RecordedRun(
         folder=folder,
         config=config,
@@ -145,10 +142,10 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
         tracks=table(runfolder.TRACKS),
         errors=table(runfolder.ERRORS),
         events=table(runfolder.EVENTS),
-        particles=particles,
-        brakings=brakings,
-        commands=commands,
-        unseen=unseen,
+        particles=table(runfolder.PARTICLES) if has(runfolder.PARTICLES) else None,
+        brakings=table(runfolder.BRAKINGS) if asked else None,
+        commands=table(runfolder.COMMANDS) if asked else None,
+        unseen=table(runfolder.UNSEEN) if has(runfolder.UNSEEN) else None,
         whole=last_step is None,
     )
 

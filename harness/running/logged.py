@@ -33,7 +33,6 @@ from harness.running.snapshots import SnapshotStream
 from harness.scoring.metrics.scarce import check_scored
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
-from harness.trackers.protocol import TrackerSetting
 from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
@@ -124,7 +123,7 @@ def score_logs(
     against = _of_run(logs, name) if runfolder.is_run_folder(logs["truth"]) else _of_files(logs, name)
     rows = _rows(_log(logs, TRACKS, logs["tracks"]))
     tracks, report, left_out = _tracks_at(rows, against)
-    config, snapshots = against.config.tracked_by(_hand_out(tracks)), against.snapshots
+    config, snapshots = against.config.tracked_by(lambda *_: LoggedTracker(tracks)), against.snapshots
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     try:
         evaluation = evaluation_of(config, snapshots)
@@ -147,13 +146,6 @@ def score_logs(
     except BaseException:
         pending.discard()
         raise
-
-
-def _hand_out(tracks: Mapping[float, Tracks]) -> Any:  # noqa: ANN401  a factory, as users hand them over
-    def build(setting: TrackerSetting, options: Mapping[str, object]) -> LoggedTracker:  # noqa: ARG001
-        return LoggedTracker(tracks)
-
-    return build
 
 
 def _by_nuscenes_rules(logs: Logs) -> dict[str, Any] | None:

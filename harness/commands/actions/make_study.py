@@ -20,7 +20,7 @@ from harness.grid.grid import GridRequest
 from harness.grid.making import Telling
 from harness.grid.pool import run_cells
 from harness.grid.stress import run_stress
-from harness.lab.ablation import IDEAL_ABLATIONS, ablation_request, ablation_rows, as_markdown, ideal_request
+from harness.lab.ablation import IDEAL_ABLATIONS, IDEAL_SENSOR, ablation_request, ablation_rows, as_markdown
 from harness.lab.study import published, situations, study_text
 from harness.lab.study.figures import draw_study
 from harness.lab.windows.car_following import STEPS
@@ -85,7 +85,8 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> Results:
         return pd.read_parquet(out / RUNS)
 
     rows = ablation_rows(runs_of(ablation_request(net, seeds, ABLATION_S), folder))
-    ideal = ablation_rows(runs_of(ideal_request(net, seeds, ABLATION_S), folder / "ideal"), IDEAL_ABLATIONS)
+    request = ablation_request(net, seeds, ABLATION_S, IDEAL_ABLATIONS, IDEAL_SENSOR)
+    ideal = ablation_rows(runs_of(request, folder / "ideal"), IDEAL_ABLATIONS)
     setting = (
         f"SUMO {net} at 45 vehicles per km and lane, seeds {seeds}, {ABLATION_S:g} s each, 1000 particles, the default "
         "model unless an arm says otherwise."

@@ -8,7 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.lab.windows.neighbours import NOBODY, NeighbourStates, clear_gap_m, order_by_lane, others_at, row_ahead
+from harness.lab.windows.neighbours import (
+    NOBODY,
+    NeighbourStates,
+    clear_gap_m,
+    lane_lines,
+    order_by_lane,
+    others_at,
+    row_ahead,
+)
 from harness.lab.windows.recording import Recording, joined_apart, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -132,8 +140,7 @@ def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) ->
 
 
 def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> CarFollowing:
-    strip = {lane.number: (lane.right_m, lane.left_m) for lane in road.lanes}
-    lines = np.array([strip.get(int(number), (np.nan, np.nan)) for number in recording.lane[own[:, 0]]]).reshape(-1, 2)
+    lines = lane_lines(road, recording.lane[own[:, 0]])
     leaders = others_at(recording, leader)
     return CarFollowing(
         lon_m=recording.lon_m[own],

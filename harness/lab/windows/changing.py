@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.lab.windows.neighbours import NeighbourStates, order_by_lane, others_at, row_ahead, row_behind
+from harness.lab.windows.neighbours import NeighbourStates, lane_lines, order_by_lane, others_at, row_ahead, row_behind
 from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -49,19 +49,18 @@ def lane_change_windows(recording: Recording, road: Road) -> LaneChanges:
     half = round(HALF_WINDOW_S / STEP_S)
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     rows = by_vehicle[_single_changes(recording, by_vehicle, half)[:, None] + np.arange(-half, half + 1)]
-    strip = {lane.number: (lane.right_m, lane.left_m) for lane in road.lanes}
     original, target = recording.lane[rows[:, half - 1]], recording.lane[rows[:, half]]
-    known = np.array([int(a) in strip and int(b) in strip for a, b in zip(original, target, strict=True)], dtype=bool)
-    rows, original, target = rows[known], original[known], target[known]
-    first, second = _lines(strip, original), _lines(strip, target)
-    direction = np.sign(second.mean(axis=1) - first.mean(axis=1))
+    first_m, second_m = (lane_lines(road, lane).mean(axis=1) for lane in (original, target))
+    known = np.isfinite(first_m) & np.isfinite(second_m)
+    rows, original, target, first_m, second_m = (each[known] for each in (rows, original, target, first_m, second_m))
+    direction = np.sign(second_m - first_m)
     ordering = order_by_lane(recording)
     step, lon = recording.step[rows], recording.lon_m[rows]
     on_original, on_target = original[:, None], target[:, None]
     return LaneChanges(
-        states=_mirrored_states(recording, rows, direction, first.mean(axis=1)).swapaxes(0, 1),
+        states=_mirrored_states(recording, rows, direction, first_m).swapaxes(0, 1),
         length_m=recording.length_m[rows[:, 0]],
-        lane_width_m=np.abs(second.mean(axis=1) - first.mean(axis=1)),
+        lane_width_m=np.abs(second_m - first_m),
         leader=others_at(recording, row_ahead(ordering, step, on_original, lon)),
         follower=others_at(recording, row_behind(ordering, step, on_target, lon)),
         target_leader=others_at(recording, row_ahead(ordering, step, on_target, lon)),
@@ -97,10 +96,6 @@ def _single_changes(recording: Recording, by_vehicle: IntArray, half: int) -> In
     whole = (vehicle[place - half] == vehicle[place + half]) & (step[place + half] - step[place - half] == 2 * half)
     on_road = (lane[place] != NO_LANE) & (lane[place - 1] != NO_LANE)
     return np.asarray(place[alone & whole & on_road])
-
-
-def _lines(strip: dict[int, tuple[float, float]], lane: IntArray) -> FloatArray:
-    return np.array([strip[int(number)] for number in lane]).reshape(-1, 2)
 
 
 def _mirrored_states(recording: Recording, rows: IntArray, direction: FloatArray, origin_m: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from harness.lab.windows.recording import Recording
+from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 NOBODY = -1
@@ -63,6 +64,12 @@ def others_at(recording: Recording, rows: IntArray) -> NeighbourStates:
     """Return the vehicles of some rows of a recording; nan where a row is ``NOBODY``."""
     columns = (getattr(recording, column.name) for column in fields(NeighbourStates))
     return NeighbourStates(*(np.where(rows == NOBODY, np.nan, column[rows]) for column in columns))
+
+
+def lane_lines(road: Road, lane: IntArray) -> FloatArray:
+    """Return the right and the left line of lanes, by their numbers, shape (n, 2); nan of one that the road lacks."""
+    lines = {one.number: (one.right_m, one.left_m) for one in road.lanes}
+    return np.array([lines.get(number, (np.nan, np.nan)) for number in lane.tolist()]).reshape(-1, 2)
 
 
 def _key(step: IntArray, lane: IntArray, lon_m: FloatArray) -> FloatArray:

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+import pandas as pd
 
 from harness.common.files import replacing
-from harness.truth.frame import Frame, TruthSource
+from harness.truth.frame import TruthSource
 from harness.truth.network.network import Network
 from harness.truth.recorded.traffic import RecordedTraffic
 from harness.truth.sumo.simulation import open_traffic
@@ -53,13 +53,16 @@ class Recording:
 
 def record(source: TruthSource) -> Recording:
     """Drain a source of truth into a recording and close it."""
-    numbers: dict[str, int] = {}
     try:
-        tables = [_rows(frame, numbers) for frame in source.frames()]
+        frames = list(source.frames())
     finally:
         source.close()
-    columns = (np.concatenate(parts) for parts in zip(*tables, strict=True))
-    return Recording(*columns)
+    own = {
+        "step": np.repeat([frame.step for frame in frames], [len(frame) for frame in frames]),
+        "vehicle": pd.factorize(np.concatenate([frame.vehicle_id for frame in frames]))[0],
+    }
+    names = [column.name for column in fields(Recording) if column.name not in own]
+    return Recording(**own, **{name: np.concatenate([getattr(frame, name) for frame in frames]) for name in names})
 
 
 def recording_of(traffic: RecordedTraffic) -> Recording:
@@ -90,21 +93,6 @@ def load_recording(path: Path) -> Recording:
 def load_all(paths: Sequence[Path]) -> Iterator[Recording]:
     """Read recordings one at a time, so that only one is held in memory."""
     return (load_recording(path) for path in paths)
-
-
-def _rows(frame: Frame, numbers: dict[str, int]) -> tuple[npt.NDArray[np.generic], ...]:
-    vehicle = np.array([numbers.setdefault(str(name), len(numbers)) for name in frame.vehicle_id], dtype=np.int64)
-    return (
-        np.full(len(frame), frame.step, dtype=np.int64),
-        vehicle,
-        frame.lane.astype(np.int64),
-        frame.lon_m,
-        frame.lat_m,
-        frame.speed_mps,
-        frame.lat_speed_mps,
-        frame.accel_mps2,
-        frame.length_m,
-    )
 
 
 def joined_apart(parts: Sequence[Rows], identity: str) -> Rows:

@@ -9,12 +9,12 @@ from harness.lab.ablation import (
     CHARITABLE,
     DEFAULT,
     IDEAL_ABLATIONS,
+    IDEAL_SENSOR,
     PAPER,
     ablated_quantities,
     ablation_request,
     ablation_rows,
     as_markdown,
-    ideal_request,
 )
 from harness.running.open import check_tracker
 from harness.sensor.profiles import sensor_settings
@@ -37,7 +37,7 @@ def test_every_arm_is_a_setting_that_the_tracker_takes():
 
 
 def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():
-    grid = plan_grid(ideal_request("us101", "0:2", 60.0))
+    grid = plan_grid(ablation_request("us101", "0:2", 60.0, IDEAL_ABLATIONS, IDEAL_SENSOR))
     variants = [run.variant for run in grid.cells[0].runs]
     assert variants == list(IDEAL_ABLATIONS)
     models = ("", "+model=gmm-short", "+model=gsm")
