@@ -82,7 +82,6 @@ class TrafficConfig(_Strict):
                 raise ValueError("recorded traffic is as it was; leave demand and density out")
             if self.broken_down:
                 raise ValueError("recorded traffic is as it was; leave broken_down out")
-            return self
         return self
 
 

@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from harness.running.finished import RecordedRun
-from harness.storage.tables import floats
+from harness.storage.tables import floats, rows_of_steps
 from harness.truth.recorded.fcd import types_file
 
 FILE = "fcd.xml"
@@ -80,7 +80,6 @@ def _lines(run: RecordedRun) -> list[str]:
     ]
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<fcd-export>"]
     times = truth["time_s"].to_numpy(np.float64)
-    first = np.unique(truth["step"].to_numpy(), return_index=True)[1]
-    for begin, end in zip(first, np.append(first[1:], len(truth)), strict=True):
-        lines += [f'    <timestep time="{times[begin]:.2f}">', *vehicles[begin:end], "    </timestep>"]
+    for rows in rows_of_steps(truth).values():
+        lines += [f'    <timestep time="{times[rows.start]:.2f}">', *vehicles[rows], "    </timestep>"]
     return [*lines, "</fcd-export>"]

@@ -27,7 +27,7 @@ from osi3.osi_sensordata_pb2 import SensorData
 from harness.export.lanes import NO_STRIP, DrivenLanes, LanePolyline, lanes_of
 from harness.export.sizes import SIZE, detection_sizes, track_sizes
 from harness.running.finished import RecordedRun
-from harness.storage.tables import floats
+from harness.storage.tables import floats, rows_of_steps
 from mmpf.numerics.arrays import FloatArray, IntArray, turned
 
 Columns = dict[str, list[Any]]
@@ -76,7 +76,7 @@ def _ground_truth(run: RecordedRun, number: IntArray, first_lane: int) -> Iterat
     along = run.road.heading_at(floats(truth, "lon_m"))
     velocity_x, velocity_y = turned(speed, lat_speed, -along)
     is_ego = truth["is_ego"].to_numpy(dtype=bool)
-    for rows in _steps(truth).values():
+    for rows in rows_of_steps(truth).values():
         message = GroundTruth()
         _stamp(message, float(floats(truth, "time_s")[rows.start]))
         host = np.flatnonzero(is_ego[rows])
@@ -105,7 +105,7 @@ def _sensor_data(
     ego_x, ego_y, ego_heading = run.in_plane(egos)
     x, y, heading = run.in_plane(table)
     along = run.road.heading_at(floats(table, "lon_m"))
-    rows_of = _steps(table)
+    rows_of = rows_of_steps(table)
     columns = {str(name): table[name].tolist() for name in table}
     for k, (step, time_s) in enumerate(zip(egos["step"].tolist(), egos["time_s"].tolist(), strict=True)):
         message = SensorData()
@@ -164,12 +164,6 @@ def _place(base: Any, x: float, y: float, z: float, yaw: float, size: tuple[floa
     base.position.x, base.position.y, base.position.z = x, y, z
     base.orientation.yaw = (yaw + np.pi) % (2.0 * np.pi) - np.pi
     base.dimension.length, base.dimension.width, base.dimension.height = *size, HEIGHT_M
-
-
-def _steps(table: pd.DataFrame) -> dict[int, slice]:
-    steps, first = np.unique(table["step"].to_numpy(dtype=np.int64), return_index=True)
-    ends = np.append(first[1:], len(table))
-    return {int(step): slice(int(begin), int(end)) for step, begin, end in zip(steps, first, ends, strict=True)}
 
 
 LINE_WIDTH_M = 0.15

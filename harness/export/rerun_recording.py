@@ -14,6 +14,7 @@ from harness.common import palette
 from harness.export.curves import Curves, curves_of
 from harness.export.lanes import lanes_of
 from harness.running.finished import RecordedRun
+from harness.storage.tables import floats, rows_of_steps
 from mmpf.numerics.arrays import FloatArray
 
 FILE = "run.rrd"
@@ -86,9 +87,9 @@ def _send(recording: Any, entity: str, table: pd.DataFrame, columns: Any) -> Non
     """Send a table's columns with as many rows at each time as the table has there."""
     if not len(table):
         return
-    first = np.unique(table["step"].to_numpy(), return_index=True)[1]
-    lengths = np.diff(np.append(first, len(table)))
-    times = rr.TimeColumn(TIMELINE, duration=table["time_s"].to_numpy(dtype=np.float64)[first])
+    steps = rows_of_steps(table).values()
+    times = rr.TimeColumn(TIMELINE, duration=floats(table, "time_s")[[rows.start for rows in steps]])
+    lengths = [rows.stop - rows.start for rows in steps]
     rr.send_columns(entity, [times], columns.partition(lengths), recording=recording)
 
 

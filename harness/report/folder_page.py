@@ -22,7 +22,7 @@ from harness.common.untrusted_files import read_text
 from harness.report.grid_runs import runs_of
 from harness.report.html_tables import html_table
 from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
-from harness.scoring.metrics.registry import quantities
+from harness.running.finished import labels
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
@@ -153,8 +153,8 @@ def _tables(folder: Path) -> dict[str, Markup]:
     shown = [name for name in runs if runs[name].notna().any()]
     table = runs[shown].itertuples(index=False)
     rows = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row] for row in table]
-    labels = {quantity.key: quantity.label for quantity in quantities()}
-    headings = [_heading(str(name), labels.get(str(name))) for name in shown]
+    known = labels()
+    headings = [_heading(str(name), known.get(str(name))) for name in shown]
     return {"Every run (runs.parquet)": html_table(headings, rows)}
 
 

@@ -14,9 +14,10 @@ import pandas as pd
 from harness.common.numbers import without_nan
 from harness.common.signals import signals_held
 from harness.config.model import RunConfig
+from harness.decisions.decide import driver_of
 from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
 from harness.running.metrics import TrafficSums, identification, timing_table
-from harness.running.open import as_believed, driven_on, tracker_builder
+from harness.running.open import as_believed, tracker_builder
 from harness.running.provenance import provenance_of
 from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
 from harness.running.resolve import write_config
@@ -192,7 +193,7 @@ def evaluation_of(
         told,
         tracker_builder(config),
         config.seed,
-        driven_on(snapshots.road, config),
+        DriverSetup(driver_of(config.decisions.driver), snapshots.road),
         {**(keepers or {}), runfolder.UNSEEN: UnseenKeeper(told.road, told.sensor)},
         writer,
     )

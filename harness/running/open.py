@@ -15,7 +15,6 @@ from harness.decisions.decide import driver_of
 from harness.running.follow import TrackerBuilder
 from harness.running.replay import read_snapshots, snapshots_of_bag
 from harness.running.snapshots import RandomStreams, SnapshotStream, observe_traffic
-from harness.scoring.driving.asked import DriverSetup
 from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor, data_sheet
 from harness.sensor.given import GivenDetections
@@ -179,11 +178,11 @@ def check_gui(config: RunConfig) -> None:
     check_window()
 
 
-def check_tracker(config: RunConfig) -> None:
-    """Build the tracker once as a check, so that a wrong option is reported before any traffic is simulated.
+def check_tracker_and_driver(config: RunConfig) -> None:
+    """Build both once as a check, so that a wrong name or option is reported before any traffic is simulated.
 
     Raises:
-        InputError: There is no such tracker or it refuses its options.
+        InputError: There is no such tracker or driver, or the tracker refuses its options.
     """
     try:
         settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
@@ -193,20 +192,7 @@ def check_tracker(config: RunConfig) -> None:
             raise
         raise InputError(f"`tracker.believes`: {error}") from None
     tracker_builder(config)(TrackerSetting(road=highway(), sensor=sensor, rng=np.random.default_rng(0)))
-
-
-def check_driver(config: RunConfig) -> None:
-    """Build the driver once as a check, so that a wrong name is reported before any traffic is simulated.
-
-    Raises:
-        InputError: There is no such driver.
-    """
     driver_of(config.decisions.driver)
-
-
-def driven_on(road: Road, config: RunConfig) -> DriverSetup:
-    """Return the configuration's driver on a road."""
-    return DriverSetup(driver_of(config.decisions.driver), road)
 
 
 def as_believed(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:

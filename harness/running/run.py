@@ -23,7 +23,7 @@ from harness.common.signals import signals_held, told_to_end
 from harness.config.layers import config_from_table, leaves
 from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
-from harness.running.open import OpenSnapshots, check_driver, check_tracker, open_snapshots
+from harness.running.open import OpenSnapshots, check_tracker_and_driver, open_snapshots
 from harness.running.provenance import provenance_of
 from harness.running.resolve import write_config
 from harness.running.snapshots import SnapshotStream
@@ -99,8 +99,7 @@ def run(
             its pictures, for which there was no room.
         RunInterruptedError: The user stopped the run; likewise.
     """
-    check_tracker(config)
-    check_driver(config)
+    check_tracker_and_driver(config)
     if resume and out is not None:
         kept = kept_metrics(config, out, open_snapshots, lambda line: None if quiet else sys.stderr.write(f"{line}\n"))
         if kept is not None:

@@ -32,6 +32,13 @@ def floats(table: pd.DataFrame, column: str) -> FloatArray:
     return table[column].to_numpy(dtype=np.float64)
 
 
+def rows_of_steps(table: pd.DataFrame) -> dict[int, slice]:
+    """Return which rows are of each step, in the order of time, in which the rows must be."""
+    steps, first = np.unique(table["step"].to_numpy(dtype=np.int64), return_index=True)
+    ends = np.append(first[1:], len(table))
+    return {int(step): slice(int(begin), int(end)) for step, begin, end in zip(steps, first, ends, strict=True)}
+
+
 OVERHEAD_BYTES = 1 << 14
 """What a file takes beside its rows."""
 

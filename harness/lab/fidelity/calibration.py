@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from harness.common.errors import InputError
-from harness.common.files import write_text, writing
+from harness.common.files import write_text, write_toml, writing
+from harness.common.numbers import rounded
 from harness.common.progress import progress_bar
 from harness.config.lists import seed_values
 from harness.lab.fidelity.candidate import (
@@ -23,7 +24,7 @@ from harness.lab.fidelity.candidate import (
     write_candidate,
 )
 from harness.lab.fidelity.fields import read_fields
-from harness.lab.fidelity.measured import MeasuredSite, measure, measure_vehicles, read_measured, write_measured
+from harness.lab.fidelity.measured import MEASURED_COMMENT, MeasuredSite, measure, measure_vehicles, read_measured
 from harness.lab.fidelity.options import CalibrationOptions
 from harness.lab.fidelity.samples import VehicleStatistics, merged
 from harness.lab.fidelity.simulate import RunJob, simulate_all
@@ -84,7 +85,7 @@ def calibrate(options: CalibrationOptions, say: Callable[[str], object]) -> tupl
         return table, [out]
     write_candidate(network.calibration_file, outcome.with_others(network))
     if (options["fields"] is not None or options["recordings"]) and network.measured_file is not None:
-        write_measured(network.measured_file, site)
+        write_toml(network.measured_file, rounded(site.model_dump(exclude_none=True), 4), MEASURED_COMMENT)
     return table, [out, network.calibration_file]
 
 

@@ -11,8 +11,6 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from harness.common.errors import InputError
-from harness.common.files import write_toml
-from harness.common.numbers import rounded
 from harness.lab.fidelity.fields import Fields
 from harness.lab.fidelity.samples import VehicleStatistics, recorded_samples, recording_files
 from harness.lab.fidelity.statistics import PeriodStatistics, period_statistics
@@ -110,11 +108,6 @@ def measure_vehicles(site: MeasuredSite, recordings: Sequence[Path], net: str) -
     figures = recorded_samples(files, net).statistics()
     source = "NGSIM US-101 in " + ", ".join(file.name for file in files)
     return site.model_copy(update={"vehicles": MeasuredVehicles(source=source, figures=figures)})
-
-
-def write_measured(path: Path, site: MeasuredSite) -> None:
-    """Write a site as ``measured.toml``, figures rounded to four digits after the point."""
-    write_toml(path, rounded(site.model_dump(exclude_none=True), 4), MEASURED_COMMENT)
 
 
 def _measure_period(period: MeasuredPeriod, fields: Fields, lanes: int) -> MeasuredPeriod:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from harness.lab.windows.neighbours import (
     NOBODY,
@@ -122,12 +123,8 @@ def _unchanged(column: IntArray) -> BoolArray:
 
 
 def _no_change_within(lane: IntArray, vehicle: IntArray, margin: int) -> BoolArray:
-    changes = np.concatenate([[False], (lane[1:] != lane[:-1]) & (vehicle[1:] == vehicle[:-1])])
-    running = np.concatenate([[0], np.cumsum(changes)])
-    n = len(lane)
-    low = np.clip(np.arange(n) - margin, 0, n)
-    high = np.clip(np.arange(n) + margin + 1, 0, n)
-    return np.asarray(running[high] == running[low])
+    changes = ~_unchanged(lane) & _unchanged(vehicle)
+    return np.asarray(~maximum_filter1d(changes, 2 * margin + 1, mode="constant", cval=False))
 
 
 def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) -> IntArray:
