@@ -8,8 +8,9 @@ over the noise's spectral density is then ``mean(e' Q^-1 e) / 2`` with Q for uni
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -156,17 +157,22 @@ def _search(
 
 
 def _closed_loop_error(model: MotionModel, cases: Cases) -> float:
-    rng = np.random.default_rng(0)
-    state = cases.truth[0]
-    latents = model.draw_latents(state, rng)
     scored = {round(horizon / STEP_S): horizon for horizon in HORIZONS_S}
-    error = 0.0
-    for step in range(1, cases.steps):
-        around = cases.surroundings(state, step - 1, True)
-        state, latents = model.propagate(state, latents, around, STEP_S, rng)
-        if step in scored:
-            error += float(np.abs(state[LON] - cases.truth[step, LON]).mean()) / scored[step]
-    return error
+    return sum(
+        float(np.abs(state[LON] - cases.truth[step, LON]).mean()) / scored[step]
+        for step, state in _rolled_out(model, cases)
+        if step in scored
+    )
+
+
+def _rolled_out(model: MotionModel, cases: Cases, start: int = 0) -> Iterator[tuple[int, FloatArray]]:
+    """Yield each later step with the states there, shape (6, m), of one particle a case that begins at the truth."""
+    rng = np.random.default_rng(0)
+    state = cases.truth[start]
+    latents = model.draw_latents(state, rng)
+    for step in range(start + 1, cases.steps):
+        state, latents = model.propagate(state, latents, cases.surroundings(state, step - 1, True), STEP_S, rng)
+        yield step, state
 
 
 def _most_likely(
@@ -180,16 +186,8 @@ def _errors(model: MotionModel, cases: Cases) -> FloatArray:
     """Return errors in longitudinal position and speed, lateral position and speed, of all seconds: shape (4, n)."""
     ahead = round(AHEAD_S / STEP_S)
     starts = range(0, cases.steps - ahead, ahead)
-    return np.concatenate([_errors_from(model, cases, start, start + ahead) for start in starts], axis=1)
-
-
-def _errors_from(model: MotionModel, cases: Cases, start: int, end: int) -> FloatArray:
-    rng = np.random.default_rng(0)
-    state = cases.truth[start]
-    latents = model.draw_latents(state, rng)
-    for step in range(start, end):
-        state, latents = model.propagate(state, latents, cases.surroundings(state, step, True), STEP_S, rng)
-    return np.asarray((state - cases.truth[end])[[LON, SPEED, LAT, LAT_SPEED]])
+    ends = [next(islice(_rolled_out(model, cases, start), ahead - 1, None)) for start in starts]
+    return np.concatenate([(state - cases.truth[end])[[LON, SPEED, LAT, LAT_SPEED]] for end, state in ends], axis=1)
 
 
 def _density(errors: FloatArray, shape: FloatArray) -> float:
