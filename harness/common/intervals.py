@@ -12,13 +12,13 @@ import numpy as np
 from scipy import special
 
 from harness.common.bootstrap import FloatArray, Interval, few_groups_ci
+from harness.common.effects import LEVEL
 
 SHARED = 0.05
 """Intraclass correlation of outcomes of one seed where none differs, so that it can't be told. Over 155 shares of
 occlusions, each of five seeds or more, its median is 0.00, and nine in ten are below 0.06 (tables of 108b5b1)."""
 OVERDISPERSED = 2.0
 """Variance over mean of events a seed where none was seen; hard brakes of 200 drives had 1.2 to 1.9."""
-LEVEL = 0.05
 NONE = Interval(np.nan, np.nan)
 
 

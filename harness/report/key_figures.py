@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from harness.common.intervals import LEVEL, clopper_pearson, garwood
+from harness.common.effects import LEVEL
+from harness.common.intervals import clopper_pearson, garwood
 from harness.report.html_tables import below, html_table
 from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, decided, number
 from harness.running.finished import RecordedRun

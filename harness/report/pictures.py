@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
+import pandas as pd
 from matplotlib.figure import Figure
 
 from harness.analysis.curve_charts import curve_charts
 from harness.analysis.curves import curve_points
-from harness.common.charts import KINDS, draw_charts
+from harness.common.charts import KINDS, Charts, draw_charts
 from harness.common.errors import InputError
 from harness.common.files import save_figure
 from harness.grid.grid import title_of
@@ -61,10 +63,7 @@ def write_pictures(folder: Path, kind: str) -> list[Path]:
 
 def _of_run(folder: Path, place: Path, kind: str) -> Iterator[Path]:
     run = read_recorded_run(folder)
-    charts = {OVER_TIME: error_charts(run.errors), BY_VISIBILITY: visibility_charts(run.metrics["mae"])}
-    if (diagnostics := diagnostics_of(run)) is not None:
-        charts[DIAGNOSTICS] = diagnostics_charts(diagnostics)
-    for name, group in charts.items():
+    for name, group in _charts(run.errors, run.metrics["mae"], diagnostics_of(run)).items():
         path = (place / name).with_suffix(f".{kind}")
         draw_charts(group, run.config.title(), path)
         yield path
@@ -72,6 +71,12 @@ def _of_run(folder: Path, place: Path, kind: str) -> Iterator[Path]:
         path = place / f"failure-{number}.{kind}"
         save_figure(figure, path, metadata=UNDATED[kind])
         yield path
+
+
+def _charts(errors: pd.DataFrame, mae: Mapping[str, Any], diagnostics: pd.DataFrame | None) -> dict[str, Charts]:
+    """Return a run's charts by the file of their picture."""
+    charts = {OVER_TIME: error_charts(errors), BY_VISIBILITY: visibility_charts(mae)}
+    return charts if diagnostics is None else charts | {DIAGNOSTICS: diagnostics_charts(diagnostics)}
 
 
 def _failure_figures(run: RecordedRun) -> Iterator[Figure]:
@@ -114,7 +119,5 @@ def draw_figures(folder: Path, pictured: Pictured) -> None:
             moment.particles,
         )
         scene_figure(scene, f"{title}: {snapshot.frame.time_s:.1f} s").savefig(folder / "scene.png")
-    draw_charts(error_charts(pictured.errors), title, folder / OVER_TIME)
-    draw_charts(visibility_charts(pictured.metrics["mae"]), title, folder / BY_VISIBILITY)
-    if pictured.diagnostics is not None:
-        draw_charts(diagnostics_charts(pictured.diagnostics), title, folder / DIAGNOSTICS)
+    for name, group in _charts(pictured.errors, pictured.metrics["mae"], pictured.diagnostics).items():
+        draw_charts(group, title, folder / name)

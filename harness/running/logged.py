@@ -297,11 +297,9 @@ def _with_ego(rows: pd.DataFrame, ego: pd.DataFrame | None, logs: Logs) -> pd.Da
     parts = [rows.assign(is_ego=False)]
     for episode, times in rows.drop_duplicates(KEYS).groupby("episode")["time_s"]:
         way = ego[ego["episode"] == episode].sort_values("time_s")
-        at = np.sort(times.to_numpy(dtype=np.float64))
-        if len(way):
-            own = way["time_s"].to_numpy(dtype=np.float64)
-            at = at[(at >= own[0] - 1e-6) & (at <= own[-1] + 1e-6)]
-        if not len(way) or not len(at):
+        at, own = np.sort(times.to_numpy(dtype=np.float64)), way["time_s"].to_numpy(dtype=np.float64)
+        at = at[(at >= own.min(initial=np.inf) - 1e-6) & (at <= own.max(initial=-np.inf) + 1e-6)]
+        if not len(at):
             raise InputError(f"`ego`: {logs['ego']} has no pose at the times of {logs['truth']}")
         columns = [
             name for name in ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m") if name in way
