@@ -33,6 +33,13 @@ SCRIPTS = tuple(f"replay_{part}.js" for part in ("frame", "picture", "course", "
 MOST_SHOWN = 800_000
 """Rows of the truth that a page is made of; of a longer run it shows the beginning."""
 LIBRARY = Path(__file__).parent / "vega" / "vega-embed.js.gz"
+TEMPLATES = Environment(
+    loader=PackageLoader("harness.report", "templates"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
 OVER_TIME_WORDS = "Mean absolute error over time for visible, partly hidden and hidden vehicles"
 
 
@@ -138,14 +145,7 @@ def chart_parts(groups: Sequence[Charts]) -> dict[str, object]:
 
 def render(template: str, **values: object) -> str:
     """Return a page from one of the package's templates."""
-    environment = Environment(
-        loader=PackageLoader("harness.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(template).render(style=Markup(_template_text("style.css")), **values)
+    return TEMPLATES.get_template(template).render(style=Markup(_template_text("style.css")), **values)
 
 
 def embedded(picture: Path) -> str:
