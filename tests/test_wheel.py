@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
@@ -42,27 +41,11 @@ def test_the_wheel_of_the_filter_alone_has_its_models_and_names_but_not_its_buil
 
 
 @pytest.mark.slow
-def test_the_wheel_alone_has_all_that_a_run_needs(tmp_path):
-    installed, elsewhere = installed_from(ROOT, tmp_path), tmp_path / "elsewhere"
-    elsewhere.mkdir()
+def test_the_wheel_holds_both_packages_and_nothing_beside_them(tmp_path):
+    installed = installed_from(ROOT, tmp_path)  # .ci/run makes runs of it from an empty folder
     top = {entry.name for entry in installed.iterdir() if not entry.name.endswith(".dist-info")}
     assert top == {"harness", "mmpf"}
-
-    script = (
-        "import harness, json; run = harness.run(duration=0.5, tracker='oracle-kalman', out='run');"
-        "print(json.dumps([harness.__file__, bool(len(run.truth))]))"
-    )
-    answer = subprocess.run(
-        [sys.executable, "-c", script],
-        cwd=elsewhere,
-        env={**os.environ, "PYTHONPATH": str(installed)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    place, has_truth = json.loads(answer.stdout)
-    assert Path(place).is_relative_to(installed)
-    assert has_truth
+    assert (installed / "harness" / "networks" / "us101" / "network.toml").is_file()
 
 
 def test_all_files_name_the_same_version():

@@ -97,8 +97,8 @@ def command(out: Path, *arguments: str) -> list[str]:
 def test_runs_that_raise_hang_or_kill_their_worker_are_three_rows_with_their_reason(tmp_path):
     trackers = ",".join([*(f"{BROKEN}:{name}" for name in ("raising", "hanging", "dying")), ECHO])
     outcome = subprocess.run(
-        command(tmp_path / "grid", "--densities", "20", "--seeds", "1", "--trackers", trackers, "--timeout-per-run",
-                "15", "--workers", "2"),
+        command(tmp_path / "grid", "--densities", "5", "--seeds", "1", "--trackers", trackers, "--timeout-per-run",
+                "8", "--workers", "2"),
         cwd=REPOSITORY, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert outcome.returncode == 3, outcome.stderr
@@ -106,6 +106,6 @@ def test_runs_that_raise_hang_or_kill_their_worker_are_three_rows_with_their_rea
     assert table["succeeded"].tolist() == [False, False, False, True]
     raised, hung, died = table["error"].iloc[:3]
     assert "ArithmeticError: the weights all vanished" in raised
-    assert hung == "timeout: the run took longer than 15 s"
+    assert hung == "timeout: the run took longer than 8 s"
     assert "died (signal SIGKILL" in died
     assert len(outcome.stderr.strip().splitlines()) == 1

@@ -10,7 +10,14 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).parents[3]
-RUN = ("run", "--duration", "2", "--density", "10", "--particles", "50", "--seed", "3", "--quiet")
+RUN = """
+import sys
+from pathlib import Path
+from harness.running.resolve import resolve_run_config
+from harness.running.run import run
+options = {"duration": 2.0, "density": 10.0, "particles": 50, "seed": 3}
+run(resolve_run_config(options=options), out=Path(sys.argv[1]))
+"""
 OTHERS = {
     "another BLAS kernel": {"OPENBLAS_CORETYPE": "Prescott"},
     "no vectors of 512 bits": {
@@ -21,7 +28,7 @@ OTHERS = {
 
 
 def run_as(out: Path, environment: dict[str, str]) -> Path:
-    words = [sys.executable, "-m", "harness", *RUN, "--out", str(out)]
+    words = [sys.executable, "-c", RUN, str(out)]
     # What a processor lacks can't be taken from it, about which NumPy warns.
     environment = {**os.environ, "PYTHONWARNINGS": "ignore", **environment}
     subprocess.run(words, cwd=REPOSITORY, env=environment, check=True)

@@ -332,7 +332,7 @@ def test_a_replay_needs_no_sumo_and_gives_the_same_tracks(sumo_runs, tmp_path, m
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("seed", [1, 2])
 def test_visible_vehicles_are_tracked_soon_and_better_than_they_are_measured(seed, tmp_path):
     options = {"density": 20.0, "duration": 15.0, "sensor": "lidar-independent", "seed": seed}
     config = resolve_run_config(options=options)
