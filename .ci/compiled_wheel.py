@@ -5,8 +5,9 @@
 
 ``build`` lays the wheel out in a folder, lets runs compile there what they need, moves what numba kept into folders
 ``compiled`` beside the modules, where ``mmpf.numerics.kernels`` looks first, and packs all of it as a wheel of this
-Python version beside the other. With ``--quick`` only the first run does. ``check`` lays such a wheel out in a folder
-that can't be written to, with an empty home, and says after how many seconds a run does its first step and how many
+Python version beside the other. With ``--quick`` only the first run does, and it finds what runs of these sources have
+compiled: numba knows that by what a source says, not by where it lies. ``check`` lays such a wheel out in a folder that
+can't be written to, with an empty home, and says after how many seconds a run does its first step and how many
 functions numba compiled; exit code 1 if there are any.
 
 The packages that the wheel needs must be installed, in the versions of ``constraints.txt``: kernels of another version
@@ -28,6 +29,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+ROOT = Path(__file__).parents[1]
 # Kernels call nothing of the system but what numba hands them: any Linux on such a processor will do.
 TAG = "cp{0}{1}-cp{0}{1}-manylinux_2_17_x86_64".format(*sys.version_info)
 SHORT = ("run", "--quiet", "--duration", "0.5", "--particles", "100")
@@ -64,7 +66,7 @@ def main() -> int:
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("what", choices=("build", "check"))
     words.add_argument("wheel", type=Path)
-    words.add_argument("--quick", action="store_true", help="compile only what the first run calls")
+    words.add_argument("--quick", action="store_true", help="compile only what the first run calls, and here has not")
     told = words.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         package, home = Path(folder) / "package", Path(folder) / "home"
@@ -73,9 +75,19 @@ def main() -> int:
             wheel.extractall(package)
         if told.what == "check":
             return check(package, home)
+        if told.quick:
+            take_compiled(package)
         compile_kernels(package, home, RUNS[:1] if told.quick else RUNS)
         sys.stdout.write(f"{packed(package, told.wheel)}\n")
         return 0
+
+
+def take_compiled(package: Path) -> None:
+    """Lay what the sources beside this folder have compiled where numba would have kept it in a package."""
+    for kept in (path for name in ("mmpf", "harness") for path in (ROOT / name).rglob("__pycache__/*.nb?")):
+        copy = package / kept.relative_to(ROOT)
+        copy.parent.mkdir(exist_ok=True)
+        shutil.copyfile(kept, copy)
 
 
 def compile_kernels(package: Path, home: Path, runs: tuple[tuple[str, ...], ...]) -> None:

@@ -11,6 +11,11 @@ sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
+def pytest_collection_modifyitems(items):
+    """Begin with the pages, which take longest: begun last, one of them would keep a worker while the others idle."""
+    items.sort(key=lambda item: "test_examples" not in item.nodeid)
+
+
 def pytest_collection_finish():
     """Leave what was collected, which lives to the end, out of every later look for garbage, in forks too."""
     gc.freeze()
