@@ -4,6 +4,7 @@ import json
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from harness.closedloop import worker
@@ -54,18 +55,17 @@ def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_
 
 
 @pytest.mark.slow
-def test_the_same_command_leaves_the_same_bytes_and_so_does_one_that_was_killed_and_taken_up(tmp_path):
-    first, second = made(tmp_path / "first"), made(tmp_path / "second")
+def test_a_command_that_was_killed_and_taken_up_leaves_the_same_bytes(tmp_path):
+    folder = made(tmp_path / "out")
     names = ("runs.parquet", "table.md", "summary.json")
-    whole = {name: (first / name).read_bytes() for name in names}
-    assert {name: (second / name).read_bytes() for name in names} == whole
-    rows = sorted((second / "runs").iterdir())
-    for path in (*rows[::2], *(second / name for name in names)):
+    whole = {name: (folder / name).read_bytes() for name in names}
+    rows = sorted((folder / "runs").iterdir())
+    for path in (*rows[1:3], *(folder / name for name in names)):  # one of each episode and of each belief
         path.unlink()
-    rows[1].with_name(".half.tmp").write_text("{")
-    made(second, resume=True)
-    assert {name: (second / name).read_bytes() for name in names} == whole
-    truth = read_table(first, "runs.parquet", "folder", ()).query("variant == 'truth'")
+    rows[0].with_name(".half.tmp").write_text("{")
+    made(folder, resume=True)
+    assert {name: (folder / name).read_bytes() for name in names} == whole
+    truth = read_table(folder, "runs.parquet", "folder", ()).query("variant == 'truth'")
     assert set(truth["episode.kind"]) == {FREE, BRAKE}
 
 
@@ -140,11 +140,12 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
 
 
 @pytest.mark.slow
-def test_drives_over_a_crossing_are_the_same_bytes_again_and_by_the_truth_the_ego_holds_where_it_must(tmp_path):
+def test_drives_over_a_crossing_are_the_same_again_and_by_the_truth_the_ego_holds_where_it_must(tmp_path):
     asked = {"net": "priority", "density": None, "provoke": "cross", "heed_unseen": 0.1, "seed": 103}
-    first, second = (made(tmp_path / name, **asked) for name in ("first", "second"))
-    assert (first / "runs.parquet").read_bytes() == (second / "runs.parquet").read_bytes()
-    rows = read_table(first, "runs.parquet", "folder", ())
+    rows = read_table(made(tmp_path / "first", **asked), "runs.parquet", "folder", ())
+    again = read_table(made(tmp_path / "second", **asked | {"perception": "truth"}), "runs.parquet", "folder", ())
+    first = rows[rows["variant"] == "truth"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(again, first, check_exact=True, check_dtype=False)
     crossing = rows[rows["episode.kind"] == CROSS].set_index("variant")
     assert (crossing["episode.seen_before"] == 0.0).all()
     assert crossing["drive.must_hold"]["truth"] > 0
@@ -152,12 +153,12 @@ def test_drives_over_a_crossing_are_the_same_bytes_again_and_by_the_truth_the_eg
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("flow_mps", [10.0, 15.0, 20.0, 25.0, 30.0])
+@pytest.mark.parametrize("flow_mps", [10.0, 20.0, 30.0])
 def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traffic(tmp_path, flow_mps):
-    folder = made(tmp_path / "out", density=None, provoke="stopped", flow=flow_mps, perception="truth", episodes=4)
+    folder = made(tmp_path / "out", density=None, provoke="stopped", flow=flow_mps, perception="truth")
     rows = read_table(folder, "runs.parquet", "folder", ())
     stopped = rows[rows["episode.kind"] == STOPPED]
-    assert stopped[COLLIDED].tolist() == [0.0, 0.0]
+    assert stopped[COLLIDED].tolist() == [0.0]
     assert (stopped["episode.provoked"] == "broken_ahead").all()
     assert (stopped["episode.flow_mps"] == flow_mps).all()
 

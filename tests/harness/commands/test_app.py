@@ -128,8 +128,20 @@ def test_nets_lists_networks_and_demands_for_people_and_programs(capsys):
 
 @pytest.mark.slow
 def test_json_is_all_that_is_on_stdout(tmp_path):
-    command = ["run", "--duration", "1", "--particles", "50", "--out", str(tmp_path / "run"), "--json"]
-    answer = subprocess.run([sys.executable, "-m", "harness", *command], capture_output=True, text=True, check=True)
+    command = [
+        "run",
+        "--density",
+        "5",
+        "--duration",
+        "1",
+        "--particles",
+        "50",
+        "--out",
+        str(tmp_path / "run"),
+        "--json",
+    ]
+    words = [sys.executable, "-m", "harness", *command, "--out", str(tmp_path / "run")]
+    answer = subprocess.run(words, capture_output=True, text=True, check=True)
     assert json.loads(answer.stdout) == json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert "Results:" in answer.stderr
 
@@ -137,9 +149,9 @@ def test_json_is_all_that_is_on_stdout(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_an_end_from_outside_leaves_a_readable_folder_that_says_so(end, code, tmp_path):
-    command = ["run", "--duration", "600", "--tracker", "tests.harness.stand_ins:herald_tracker", "--out", "run"]
+    traffic, tracker = ["--density", "5", "--duration", "600"], "tests.harness.stand_ins:herald_tracker"
     process = subprocess.Popen(
-        [sys.executable, "-m", "harness", *command],
+        [sys.executable, "-m", "harness", "run", *traffic, "--tracker", tracker, "--out", "run"],
         stderr=subprocess.PIPE,
         text=True,
         cwd=tmp_path,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import time
@@ -30,13 +29,6 @@ def test_a_scheduler_that_does_not_answer_is_told_in_one_line(monkeypatch):
 def stress(out: Path, *arguments: str, **options: object) -> subprocess.Popen:
     command = [sys.executable, "-m", "harness", "stress", "--out", str(out), *GRID, *arguments]
     return subprocess.Popen(command, cwd=REPOSITORY, **options)
-
-
-@pytest.fixture
-def cluster(tmp_path):
-    """Start a scheduler and two workers; yield the scheduler's address and the workers' processes."""
-    with dask_cluster(tmp_path) as (address, processes):
-        yield address, processes[1:]
 
 
 @contextmanager
@@ -76,26 +68,21 @@ def _wait_until(condition, limit_s: float = 120.0) -> None:
 
 
 @pytest.mark.slow
-def test_a_cluster_that_loses_a_worker_gives_the_same_rows_as_one_machine(cluster, tmp_path):
-    address, workers = cluster
-    local, remote = tmp_path / "local", tmp_path / "remote"
-    assert stress(local, "--workers", "1").wait(timeout=300) == 0
-    running = stress(remote, "--scheduler", address)
-    _wait_until(lambda: any(remote.glob("runs/*.json")) or running.poll() is not None)
-    assert running.poll() is None
-    workers[0].send_signal(signal.SIGKILL)
-    assert running.wait(timeout=300) == 0
-    pd.testing.assert_frame_equal(table_of(remote), table_of(local), check_exact=True)
-    assert len(table_of(remote)) == 4
+def test_a_grid_that_loses_a_worker_has_the_rows_of_one_machine_and_one_that_loses_its_scheduler_goes_on_here(tmp_path):
+    local, remote, out = (tmp_path / name for name in ("local", "remote", "out"))
 
+    def begun(folder, **options):
+        running = stress(folder, "--scheduler", address, **options)
+        _wait_until(lambda: any(folder.glob("runs/*.json")) or running.poll() is not None)
+        assert running.poll() is None
+        return running
 
-@pytest.mark.slow
-def test_a_lost_scheduler_ends_a_grid_in_one_line_and_it_goes_on_without(tmp_path):
-    out = tmp_path / "grid"
-    with dask_cluster(tmp_path) as (address, processes):
-        running = stress(out, "--scheduler", address, stderr=subprocess.PIPE, text=True)
-        _wait_until(lambda: any(out.glob("runs/*.json")) or running.poll() is not None)
-        processes[0].send_signal(signal.SIGKILL)
+    with dask_cluster(tmp_path) as (address, (scheduler, worker, _)):
+        running = begun(remote)
+        worker.kill()
+        assert running.wait(timeout=300) == 0
+        running = begun(out, stderr=subprocess.PIPE, text=True)
+        scheduler.kill()
         _, err = running.communicate(timeout=60)
     assert running.returncode == 3, err
     assert len(err.splitlines()) == 1, err
@@ -104,4 +91,7 @@ def test_a_lost_scheduler_ends_a_grid_in_one_line_and_it_goes_on_without(tmp_pat
     assert kept
     assert stress(out, "--resume", "--workers", "1").wait(timeout=300) == 0
     assert {path: path.read_bytes() for path in kept} == kept
-    assert len(table_of(out)) == 4
+    assert stress(local, "--workers", "1").wait(timeout=300) == 0
+    assert len(table_of(local)) == 4
+    for folder in (remote, out):
+        pd.testing.assert_frame_equal(table_of(folder), table_of(local), check_exact=True)

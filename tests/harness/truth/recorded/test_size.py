@@ -58,11 +58,14 @@ def morning(rng: np.random.Generator) -> dict[str, np.ndarray]:
     return {name: np.concatenate([values, values[copies]]) for name, values in columns.items()}
 
 
+@pytest.fixture(scope="module")
+def table():
+    return pa.table(morning(np.random.default_rng(6)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", ["ngsim", "ngsim-text"])
-def test_forty_five_minutes_of_ngsim_are_read_within_a_minute_and_four_gigabytes(layout, tmp_path):
-    columns = morning(np.random.default_rng(6))
-    table = pa.table(columns)
+def test_forty_five_minutes_of_ngsim_are_read_within_a_minute_and_four_gigabytes(layout, table, tmp_path):
     path = tmp_path / "morning"
     if layout == "ngsim":
         pa.csv.write_csv(table.append_column("Location", pa.array(["us-101"] * ROWS)), path)

@@ -1,10 +1,8 @@
 """Traffic from SUMO: kinematics, density, egos, determinism, and what happens with wrong input."""
 
 import itertools
-import subprocess
-import sys
 from collections import Counter
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import fields, replace
 
 import numpy as np
@@ -114,26 +112,6 @@ def same(a, b):
 
 
 @pytest.mark.slow
-def test_a_new_process_gives_the_same_frames():
-    script = (
-        "import hashlib, pickle\n"
-        "from harness.truth.network.network import load_network\n"
-        "from harness.truth.sumo.simulation import open_traffic\n"
-        "truth = open_traffic(load_network('us101'), demand=12.0, duration_s=3.0, seed=7)\n"
-        "digest = hashlib.sha256()\n"
-        "for f in truth.frames():\n"
-        "    digest.update(','.join(f.vehicle_id).encode() + f.lon_m.tobytes() + f.lat_m.tobytes())\n"
-        "print(digest.hexdigest())\n"
-    )
-    runs = [
-        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True) for _ in range(2)
-    ]
-    assert runs[0].stdout == runs[1].stdout
-    assert len(runs[0].stdout.split()) == 1
-    assert runs[0].stderr == ""
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("density", [5.0, 12.0, 20.0, 30.0, 45.0, 65.0])
 def test_the_density_asked_for_is_met_within_a_tenth_and_a_jam_stops_and_goes(density):
     frames = drive(density, duration_s=60.0, seed=3)
@@ -147,7 +125,7 @@ def test_the_density_asked_for_is_met_within_a_tenth_and_a_jam_stops_and_goes(de
 
 @pytest.mark.slow
 @pytest.mark.parametrize("demand", ["us101-0750", "us101-0805", "us101-0820"])
-def test_in_the_calibrated_periods_nothing_jumps_along_or_overlaps_and_no_lane_is_closed(demand):
+def test_in_the_calibrated_periods_nothing_jumps_or_overlaps_and_no_lane_is_closed(demand):
     frames = drive(demand=demand, duration_s=60.0, seed=3)
     check_that_nothing_jumps_along_the_road(frames)
     check_that_vehicles_never_overlap(frames)
@@ -155,15 +133,9 @@ def test_in_the_calibrated_periods_nothing_jumps_along_or_overlaps_and_no_lane_i
     for frame in frames:
         stood.update(str(name) for name in frame.vehicle_id[(frame.lane > 0) & (frame.speed_mps < 0.1)])
     assert max(stood.values(), default=0) < 200  # of 600 steps
-
-
-PUSHED_ASIDE = pytest.mark.xfail(reason="SUMO pushes a car aside faster than its type's maxSpeedLat", strict=True)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("demand", ["us101-0750", pytest.param("us101-0805", marks=PUSHED_ASIDE), "us101-0820"])
-def test_in_the_calibrated_periods_nothing_jumps_sideways(demand):
-    check_that_nothing_jumps_sideways(drive(demand=demand, duration_s=60.0, seed=3))
+    # SUMO pushes a car aside faster than its type's maxSpeedLat.
+    with pytest.raises(AssertionError) if demand == "us101-0805" else nullcontext():
+        check_that_nothing_jumps_sideways(frames)
 
 
 def test_nothing_is_written_to_the_screen(capfd):
