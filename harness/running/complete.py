@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from harness.common.bounds import check_moves
+from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
 from harness.running.recorder import frame_of
 from harness.sensor.detector import states_of, view_of
 from harness.storage import run_folder as runfolder
 from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT, TABLES, VISIBILITY_STATES
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
+from harness.truth.recorded.order import LONGEST_INTERVAL_S
+from harness.truth.recorded.plausible import MOST_WITHIN, SIZE_CHANGE_RATIO
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray, turned
@@ -20,6 +24,30 @@ STD_DETECTION_M = 0.5
 """Deviation of a detection whose file tells none; no score of tracks depends on it."""
 SEEN = ["visible_fraction", "state", "in_range", "occluder_id"]
 KEYS = ["episode", "time_s"]
+MOST_AT_ONCE = 2000
+
+
+def check_scene(place: str, rows: pd.DataFrame) -> None:
+    """Refuse rows of a truth that is too dense, pauses for long, or whose vehicles move or change as nothing does."""
+    if (most := rows.groupby(KEYS).size().max()) > MOST_AT_ONCE:
+        raise InputError(f"{place}: {most} vehicles at one time; at most {MOST_AT_ONCE} are scored")
+    pause_s = rows[KEYS].drop_duplicates().sort_values(KEYS).groupby("episode")["time_s"].diff().max()
+    if pause_s > LONGEST_INTERVAL_S:
+        raise InputError(f"{place}: {pause_s:g} s pass between two of its times; mend the times, or cut it")
+    sizes = rows.groupby(["episode", "id"])[["length_m", "width_m"] if "length_m" in rows else []]
+    growth = (sizes.max() / sizes.min()).max(axis=1)
+    if growth.max() > SIZE_CHANGE_RATIO:
+        name = str(growth.index.to_list()[int(growth.argmax())][1])
+        raise InputError(f"{place}: {name[:60]} changes its size; mend length_m and width_m")
+    rows = rows if "heading_rad" in rows else rows.assign(heading_rad=np.nan)
+    for is_ego, own in rows.groupby(rows["is_ego"].astype(bool)):
+        alone = rows["episode"].min() == rows["episode"].max()
+        drive = "" if alone else " of drive " + own["episode"].astype(str)
+        who = (own["id"].astype(str) + drive).to_numpy(dtype=np.str_)
+        time_s, x_m, y_m, heading_rad = own[["time_s", "lon_m", "lat_m", "heading_rad"]].to_numpy(dtype=np.float64).T
+        check_moves(place, who, time_s, x_m, y_m, heading_rad, bool(is_ego))
+    if rows.duplicated([*KEYS, "lon_m", "lat_m"]).mean() > MOST_WITHIN:
+        raise InputError(f"{place}: vehicles are in one place, and often; leave one of each, or mend the places")
 
 
 def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -17,6 +17,7 @@ from harness.config.model import RunConfig
 from harness.decisions.decide import driver_of
 from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
 from harness.running.metrics import TrafficSums, identification, timing_table
+from harness.running.odd import tell_oddities
 from harness.running.open import as_believed, tracker_builder
 from harness.running.provenance import provenance_of
 from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
@@ -151,6 +152,7 @@ class Evaluation:
             truth, detections, tracks = (
                 tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
             )
+            tell_oddities(tables, self._road)
             self._traffic.add(truth)
             tables |= self._scorer.add(truth, detections, tracks, tables.get(runfolder.UNSEEN))
         if self.writer is None:

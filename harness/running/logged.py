@@ -17,14 +17,13 @@ from typing import Annotated, Any, TypedDict
 import numpy as np
 import pandas as pd
 
-from harness.common.bounds import check_moves
 from harness.common.errors import InputError
 from harness.common.isolation import trusted
 from harness.common.signals import signals_held
 from harness.config.layers import config_from_table, merged
 from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
 from harness.config.options import Option
-from harness.running.complete import KEYS, detection_table, filled, on_clock, slope_of, truth_table
+from harness.running.complete import KEYS, check_scene, detection_table, filled, on_clock, slope_of, truth_table
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.nuscenes_boxes import nuscenes_scores
 from harness.running.replay import read_snapshots, snapshots_of
@@ -37,8 +36,6 @@ from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
-from harness.truth.recorded.order import LONGEST_INTERVAL_S
-from harness.truth.recorded.plausible import MOST_WITHIN, SIZE_CHANGE_RATIO
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.numerics.arrays import wrapped
@@ -46,7 +43,6 @@ from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
 NUMBERS = re.compile(r"_(m|s|mps|mps2|rad)$|^existence$")
-MOST_AT_ONCE = 2000
 STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
@@ -209,7 +205,7 @@ def _of_files(logs: Logs, name: str) -> Scored:
     moments = _samples(rows, ego, logs["step"])
     rows = _with_times(rows, moments)
     rows = _with_ego(rows, ego, logs)
-    _check_moves(rows, logs["truth"])
+    check_scene(f"`truth`: {logs['truth']}", rows)
     table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
     settings = merged(None, {}, logs["settings"] or [])
     sensor = table["sensor"] | settings.pop("sensor", {})
@@ -233,31 +229,6 @@ def _of_files(logs: Logs, name: str) -> Scored:
     files = {str(path): path for path in (logs["truth"], logs["detections"]) if path is not None and path.is_file()}
     snapshots = replace(snapshots, files={f"truth/{path.name}": path for path in files.values()})
     return Scored(config, snapshots, clock, moments)
-
-
-def _check_moves(rows: pd.DataFrame, path: Path) -> None:
-    """Refuse a truth that is too dense, pauses for long, or whose vehicles move or change as nothing does."""
-    if (most := rows.groupby(KEYS).size().max()) > MOST_AT_ONCE:
-        raise InputError(f"`truth`: {path}: {most} vehicles at one time; at most {MOST_AT_ONCE} are scored")
-    pause_s = rows[KEYS].drop_duplicates().sort_values(KEYS).groupby("episode")["time_s"].diff().max()
-    if pause_s > LONGEST_INTERVAL_S:
-        raise InputError(f"`truth`: {path}: {pause_s:g} s pass between two of its times; mend the times, or cut it")
-    sizes = rows.groupby(["episode", "id"])[["length_m", "width_m"] if "length_m" in rows else []]
-    growth = (sizes.max() / sizes.min()).max(axis=1)
-    if growth.max() > SIZE_CHANGE_RATIO:
-        name = str(growth.index.to_list()[int(growth.argmax())][1])
-        raise InputError(f"`truth`: {path}: {name[:60]} changes its size; mend length_m and width_m")
-    rows = rows if "heading_rad" in rows else rows.assign(heading_rad=np.nan)
-    for is_ego, own in rows.groupby(rows["is_ego"].astype(bool)):
-        alone = rows["episode"].min() == rows["episode"].max()
-        drive = "" if alone else " of drive " + own["episode"].astype(str)
-        who = (own["id"].astype(str) + drive).to_numpy(dtype=np.str_)
-        time_s, x_m, y_m, heading_rad = own[["time_s", "lon_m", "lat_m", "heading_rad"]].to_numpy(dtype=np.float64).T
-        check_moves(f"`truth`: {path}", who, time_s, x_m, y_m, heading_rad, bool(is_ego))
-    if rows.duplicated([*KEYS, "lon_m", "lat_m"]).mean() > MOST_WITHIN:
-        raise InputError(
-            f"`truth`: {path}: vehicles are in one place, and often; leave one of each, or mend the places"
-        )
 
 
 def _samples(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:

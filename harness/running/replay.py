@@ -18,7 +18,7 @@ from harness.common.isolation import isolated
 from harness.common.named import named
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
-from harness.running.complete import detection_table, truth_table
+from harness.running.complete import check_scene, detection_table, truth_table
 from harness.running.recorder import detections_of, frame_of
 from harness.running.snapshots import SnapshotStream, timed_snapshots
 from harness.sensor.detector import build_sensor
@@ -150,6 +150,7 @@ def snapshots_of_bag(path: Path, config: RunConfig) -> SnapshotStream:
     )
     if "is_ego" not in rows or not rows["is_ego"].any():
         raise InputError(f"`replay`: {path} has no transform of base_link, so where the ego is; record /tf too")
+    check_scene(f"`replay`: {path}", rows)
     read = rows["id"].nunique()
     begin = rows["time_s"].min() + recording.start_s - 1e-6
     rows, found = (
