@@ -219,10 +219,11 @@ def _are_closed_loops(a: Source, b: Source) -> bool:
 def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
     """Return the rules, those of a closed loop naming its own metrics unless the user has named some."""
     rules = replace(rules, primary=DRIVEN) if closed_loop and rules.primary == PRIMARY else rules
-    known = [quantity.key for quantity in compared_quantities(closed_loop=closed_loop)]
+    known = {quantity.key: quantity for quantity in compared_quantities(closed_loop=closed_loop)}
     for key in rules.primary:
         if key not in known:
             raise InputError(f"`primary` {key}: no such metric is compared; choose of {', '.join(known)}")
+        rules.limit(known[key]).check(known[key])
     return rules
 
 

@@ -56,6 +56,19 @@ class Limit(BaseModel):
     floor: float | None = None
     ceiling: float | None = None
 
+    def check(self, quantity: Quantity) -> None:
+        """Refuse bounds that a metric can't reach or that exclude each other, and a tolerance of more than its value.
+
+        Raises:
+            InputError: They are such.
+        """
+        bounds = [value for value in (self.floor, self.ceiling) if value is not None]
+        if bounds != sorted(bounds) or any(not quantity.least <= value <= quantity.most for value in bounds):
+            told = f"give a floor and a ceiling above it, from {quantity.least:g} to {quantity.most:g}"
+            raise InputError(f"`gate`: {quantity.key}: {told}")
+        if self.tolerance is not None and self.tolerance > 1.0 and quantity.key != STEP_TIME.key:
+            raise InputError(f"`gate`: {quantity.key}: give a tolerance from 0 to 1, not {self.tolerance:g}")
+
     def breach(self, value: float, quantity: Quantity) -> str:
         """Return a sentence on how a value breaks the bounds; empty where it does not."""
         decimals = quantity.decimals + 1

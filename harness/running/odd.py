@@ -21,10 +21,10 @@ WINDOW_S = 0.5
 """Over which moves are measured, so that noise of places matters little."""
 MOVING_MPS, TURNED_RAD, HARDEST_MPS2, NEAR_M, GROWTH = 3.0, np.deg2rad(30.0), 15.0, 1.0, 1.3
 LENGTH_M, WIDTH_M, LONGEST_M, STD_M = (2.5, 12.0), (1.2, 3.5), 26.0, (0.005, 100.0)
-MOST_ODD, FEWEST, FAR_M, MANY = 0.02, 20, 10.0, 0.5
+MOST_ODD, FEWEST, FAR_M, MANY, MOST_MPS2 = 0.02, 20, 10.0, 0.5, 50.0
 APART_M = 1e6
 """Between steps, where places of all steps are in one tree."""
-told: set[str] = set()
+told: set[tuple[str, float]] = set()
 """What this process has said: a grid reads one recording many times."""
 
 
@@ -32,8 +32,9 @@ def tell_oddities(tables: Mapping[str, pd.DataFrame], road: Road) -> None:
     """Write a line to stderr, once, if truth, detections or tracks of a run are unlikely."""
     truth, detections, tracks = (tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS))
     found = [f"a vehicle {kind}" for kind in oddities(truth, road)] + odd_reports(truth, detections, tracks)
-    if found and (line := "; ".join(found)) not in told:
-        told.add(line)
+    line, which = "; ".join(found), float(truth["lon_m"].sum())
+    if line and (line, which) not in told:
+        told.add((line, which))
         sys.stderr.write(f"warning: this is unlikely: {line}; check units, axes, times and names of the input\n")
 
 
@@ -48,6 +49,7 @@ def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFr
         "tracks are over 10 m from any vehicle": _share(np.asarray(there.query(_places(tracks))[0]) > FAR_M),
         "tracks move not as fast as they say": _unlike(tracks, tracks["track_id"].to_numpy())
         * bool(tracks["speed_mps"].any()),
+        "tracks speed up by over 50 m/s2": _share(tracks["accel_mps2"].abs() > MOST_MPS2),
         "tracks have deviations of under 5 mm or over 100 m": _share(
             (tracks["std_lon_m"] < STD_M[0]) | (tracks["std_lon_m"] > STD_M[1])
         ),
