@@ -149,13 +149,9 @@ def model(folder: Path, rng: random.Random) -> list[str]:
 
 
 INPUTS: dict[str, Callable[[Path, random.Random], list[str]]] = {
-    "command line": command_line,
-    "settings": settings,
-    "recording": recording,
-    "network": network,
-    "result folder": result_folder,
-    "model": model,
-}
+    "command line": command_line, "settings": settings, "recording": recording, "network": network,
+    "result folder": result_folder, "model": model,
+}  # fmt: skip
 
 
 @cache

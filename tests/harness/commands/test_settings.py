@@ -24,15 +24,8 @@ from mmpf.options.filter import FilterOptions
 
 CLASSES = [RunConfig, SensorSettings, *(tracker_options(name) for name in available_trackers())]
 PURE_NUMBERS = (
-    "persistent_clutter",
-    "_share",
-    "_fraction",
-    "_factor",
-    "_probability",
-    "_log_odds",
-    "_scans",
-    "_separation",
-)
+    "persistent_clutter", "_share", "_fraction", "_factor", "_probability", "_log_odds", "_scans", "_separation",
+)  # fmt: skip
 
 
 def by_key(word: str, kind: str) -> dict[str, Setting]:

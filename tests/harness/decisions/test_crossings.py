@@ -10,13 +10,8 @@ from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
 from tests.mmpf.map.scenes import graph_of
 
 LINKS = [
-    ("south", ":over"),
-    (":over", "north"),
-    ("west", ":on"),
-    (":on", "east"),
-    ("south", ":turn"),
-    (":turn", "east"),
-]
+    ("south", ":over"), (":over", "north"), ("west", ":on"), (":on", "east"), ("south", ":turn"), (":turn", "east"),
+]  # fmt: skip
 JUNCTION = (":over", ":on", ":turn")
 LINES = {
     "south": [(0, -50), (0, -10)],

@@ -24,6 +24,7 @@ from harness.grid.grid import GridRequest
 from harness.grid.stress import run_stress
 from harness.running.open import open_snapshots
 from harness.storage import run_folder as runfolder
+from harness.truth.recorded.logs import LogFile
 from harness.truth.recorded.messages import read_bag
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
@@ -283,6 +284,15 @@ def test_a_bag_without_the_ego_s_transform_is_one_line(tmp_path, capsys):
     assert "bag.mcap" in line
 
 
+def test_a_bag_whose_truth_has_vehicles_twice_is_one_line(tmp_path, run, capsys, monkeypatch):
+    (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
+    read = LogFile.read
+    monkeypatch.setattr(LogFile, "read", lambda log: pd.concat([read(log), read(log)], ignore_index=True))
+    assert run_command_line(["run", "--replay", str(bag), "--tracker", "oc-sort"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "is there twice at 0 s" in line
+
+
 def test_a_track_in_the_plane_has_no_heading_in_a_bag_of_autoware_s_messages(tmp_path):
     run = harness.run(replay="pandaset", tracker="oracle-kalman", duration=1.0, out=tmp_path / "run")
     (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
@@ -370,24 +380,17 @@ def test_a_tracker_in_python_the_same_as_a_program_and_as_a_log_have_the_same_sc
 
 
 BROKEN = {
-    "empty.csv": b"",
-    "garbage.csv": b"\x00\xff\x13" * 50,
-    "no_place.csv": b"time_s,track_id\n0.0,1\n",
+    "empty.csv": b"", "garbage.csv": b"\x00\xff\x13" * 50, "no_place.csv": b"time_s,track_id\n0.0,1\n",
     "no_number.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,here,0\n",
     "infinite.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,inf,0\n",
     "other_clock.csv": b"time_s,track_id,lon_m,lat_m\n1e6,1,1.0,0\n",
     "half.csv": b"time_s,track_id,lon_m,lat_m\n0.0,4.5,1.0,0\n",
     "drive.csv": b"time_s,episode,track_id,lon_m,lat_m\n0.0,0.5,1,1.0,0\n",
-    "below_zero.csv": b"time_s,track_id,lon_m,lat_m\n0.0,-1,1.0,0\n",
-    "cut.json": b'{"results": {"a": [',
-    "none.json": b'{"meta": {}}',
-    "list.json": b"[1, 2]",
-    "short.txt": b"0 1 Car 0 0\n",
-    "words.txt": b"1,2,a,b,c,d,1,-1,-1,-1\n",
-    "cut.parquet": b"PAR1\x00\x00",
-    "cut.mcap": b"\x89MCAP0\r\n",
+    "below_zero.csv": b"time_s,track_id,lon_m,lat_m\n0.0,-1,1.0,0\n", "cut.json": b'{"results": {"a": [',
+    "none.json": b'{"meta": {}}', "list.json": b"[1, 2]", "short.txt": b"0 1 Car 0 0\n",
+    "words.txt": b"1,2,a,b,c,d,1,-1,-1,-1\n", "cut.parquet": b"PAR1\x00\x00", "cut.mcap": b"\x89MCAP0\r\n",
     "odd.xyz": b"\x01\x02\x03",
-}
+}  # fmt: skip
 
 
 @pytest.mark.forks
@@ -409,20 +412,16 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
     (late := tmp_path / "late.txt").write_text(truth.read_text().replace("\n20,", "\n200,").replace("\n3", "\n30"))
     (many := tmp_path / "many.txt").write_text("".join(f"1,{k},-1,-1,-1,-1,1,{k},0,-1\n" for k in range(3000)))
     calls = [
-        (["--ego", "9"], twice, log, "is there twice at"),
-        (["--ego", "9"], leap, log, "leaps at"),
+        (["--ego", "9"], twice, log, "is there twice at"), (["--ego", "9"], leap, log, "leaps at"),
         (["--ego", str(poses)], truth, log, "lat_m holds "),
         (["--ego", "9"], late, log, "s pass between two of its times"),
         (["--ego", "9"], many, log, "3000 vehicles at one time"),
-        (["--ego", "9"], truth, tmp_path / "none.csv", "--tracks"),
-        (["--ego", "77"], truth, log, "--ego"),
-        ([], truth, log, "--ego"),
-        (["--ego", "ego"], run.folder, log, "--ego"),
-        (["--format", "odd"], run.folder, log, "--format"),
-        (["--ego", "9", "--set", "seed=3"], truth, log, "--set"),
+        (["--ego", "9"], truth, tmp_path / "none.csv", "--tracks"), (["--ego", "77"], truth, log, "--ego"),
+        ([], truth, log, "--ego"), (["--ego", "ego"], run.folder, log, "--ego"),
+        (["--format", "odd"], run.folder, log, "--format"), (["--ego", "9", "--set", "seed=3"], truth, log, "--set"),
         (["--ego", "9", "--set", "sensor.range_m=-1"], truth, log, "sensor.range_m"),
         (["--ego", "9", "--step", "0"], truth, log, "--step"),
-    ]
+    ]  # fmt: skip
     capfd.readouterr()
     for more, of, tracks, named in calls:
         assert score(tmp_path, of, tracks, *more) == 2, more

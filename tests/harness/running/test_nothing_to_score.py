@@ -27,14 +27,9 @@ def test_a_run_that_sees_nobody_is_refused_with_the_reason_and_leaves_nothing(se
 
 def test_such_a_cell_of_a_grid_is_a_failed_run():
     config = resolve_run_config(options={"tracker": ECHO}, settings=NOBODY)
-    rows = []
-    cell = Cell((PlannedRun(config, ECHO),))
-    work_on_cell(
-        cell,
-        lambda message: rows.append(message.row) if isinstance(message, Finished) else None,
-        observing(SteadyTraffic(steps=8)),
-    )
-    (row,) = rows
+    told = []
+    work_on_cell(Cell((PlannedRun(config, ECHO),)), told.append, observing(SteadyTraffic(steps=8)))
+    (row,) = (message.row for message in told if isinstance(message, Finished))
     assert row["succeeded"] is False
     assert "nothing can be scored" in row["error"]
 

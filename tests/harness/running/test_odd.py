@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from harness.running.odd import oddities, tell_oddities
@@ -10,37 +9,23 @@ from mmpf.map.corridor_road import highway
 from tests.harness.recorded_scene import detection_table, track_table, truth_table
 
 KINDS = {
-    "points": {"heading_rad": lambda rows: rows["heading_rad"] + 1.5},
-    "fast as it says": {"speed_mps": lambda rows: 3.6 * rows["speed_mps"]},
-    "259 km/h": {"lon_m": lambda rows: 4.0 * rows["lon_m"]},
-    "at once": {"lon_m": lambda rows: rows["lon_m"] + 7.0 * (rows["step"] % 20)},
-    "another is": {"lon_m": lambda rows: 100.0 + 2.0 * rows["step"]},
-    "changes its size": {"length_m": lambda rows: np.where(rows["step"] > 30, 7.0, 4.0)},
-    "wider than long": {"width_m": lambda rows: rows["length_m"] + 0.1},
-    "longer than 26 m": {"length_m": lambda rows: 3000.0},
-    "at one moment": {"vehicle_id": lambda rows: rows.index.astype(str)},
-    "lanes": {"lane": lambda rows: 0},
-    "usual size": {"length_m": lambda rows: rows["length_m"] / 0.3048},
-}
+    "points": "heading_rad = 1.5", "as fast": "speed_mps = 3.6 * speed_mps", "259 km/h": "lon_m = 4 * lon_m",
+    "at once": "lon_m = lon_m + 7 * (step % 20)", "another is": "lon_m = 100 + 2 * step", "usual": "length_m = 15",
+    "its size": "length_m = 4 + (step > 30) * 3", "wider": "width_m = length_m + 0.1", "26 m": "length_m = 3000",
+    "at one moment": "vehicle_id = index", "lanes": "lane = 0",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_no_vehicle_does_is_told_of_and_what_one_does_is_not(kind):
-    truth, road = truth_table({}), highway()
-    assert not oddities(truth, road)
-    assert any(kind in found for found in oddities(truth.assign(**KINDS[kind]), road))
+    assert not oddities(truth_table({}), highway())
+    assert any(kind in found for found in oddities(truth_table({}).eval(KINDS[kind]), highway()))
 
 
 def test_detections_and_tracks_in_another_frame_are_told_of_once(capsys):
-    tables = {
-        "truth.parquet": truth_table({}),
-        "detections.parquet": detection_table({}),
-        "tracks.parquet": track_table(),
-    }
-    tell_oddities(tables, highway())
-    assert not capsys.readouterr().err
-    tables = {name: rows.assign(lat_m=25.0) if name != "truth.parquet" else rows for name, rows in tables.items()}
-    tell_oddities(tables, highway())
-    tell_oddities(tables, highway())
+    tables = {"truth": truth_table({}), "detections": detection_table({}), "tracks": track_table()}
+    for lat_m in (5.0, 25.0, 25.0):
+        moved = {f"{key}.parquet": rows.assign(lat_m=lat_m) if key != "truth" else rows for key, rows in tables.items()}
+        tell_oddities(moved, highway())
     (line,) = capsys.readouterr().err.splitlines()
     assert "detections are over 10 m from their vehicles; tracks are over 10 m from any" in line

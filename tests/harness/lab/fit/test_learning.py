@@ -70,13 +70,7 @@ def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
     speed, accel, astray = led.speed_mps[:, 0].copy(), np.zeros(80), np.full(80, 2.0)
     for _ in range(300):
         x = np.column_stack(
-            [
-                np.log(1.5 * led.speed_mps[:, 0] + 2.0 - astray),
-                speed,
-                accel,
-                speed - led.speed_mps[:, 0],
-                0 * speed,
-            ]
+            [np.log(1.5 * led.speed_mps[:, 0] + 2.0 - astray), speed, accel, speed - led.speed_mps[:, 0], 0 * speed]
         )
         accel = model.mean(np.column_stack([x, HABIT]))[:, 0]
         astray += STEP_S * (speed + 0.5 * STEP_S * accel - led.speed_mps[:, 0])
