@@ -130,8 +130,8 @@ def _brakings(run: RecordedRun) -> list[KeyFigure]:
         KeyFigure(
             "Missed brakings", "a driver brakes for the true vehicles, but not for the tracks",
             f"{missed} of {needed}" if needed else "no case", interval,
-            f"{decisions['missed_per_km']:.2f} per km driven{few and f'; {few}'}" if needed else f"in {km:.2f} km", "0",
-            at_top=True,
+            f"{number(decisions['missed_per_km'], 2)} per km{few and f'; {few}'}" if needed else f"in {km:.2f} km",
+            "0", at_top=True,
         ),
         KeyFigure(
             "Phantom brakings", "the driver brakes for the tracks, but not for the true vehicles", str(phantom),

@@ -288,6 +288,7 @@ def test_a_bag_whose_truth_has_vehicles_twice_is_one_line(tmp_path, run, capsys,
     (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
     read = LogFile.read
     monkeypatch.setattr(LogFile, "read", lambda log: pd.concat([read(log), read(log)], ignore_index=True))
+    capsys.readouterr()
     assert run_command_line(["run", "--replay", str(bag), "--tracker", "oc-sort"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "is there twice at 0 s" in line
