@@ -128,18 +128,7 @@ def test_nets_lists_networks_and_demands_for_people_and_programs(capsys):
 
 @pytest.mark.slow
 def test_json_is_all_that_is_on_stdout(tmp_path):
-    command = [
-        "run",
-        "--density",
-        "5",
-        "--duration",
-        "1",
-        "--particles",
-        "50",
-        "--out",
-        str(tmp_path / "run"),
-        "--json",
-    ]
+    command = ["run", "--density", "5", "--duration", "1", "--particles", "50", "--json"]
     words = [sys.executable, "-m", "harness", *command, "--out", str(tmp_path / "run")]
     answer = subprocess.run(words, capture_output=True, text=True, check=True)
     assert json.loads(answer.stdout) == json.loads((tmp_path / "run" / "metrics.json").read_text())
