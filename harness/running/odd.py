@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,21 +22,32 @@ WINDOW_S = 0.5
 """Over which moves are measured, so that noise of places matters little."""
 MOVING_MPS, TURNED_RAD, HARDEST_MPS2, NEAR_M, GROWTH = 3.0, np.deg2rad(30.0), 15.0, 1.0, 1.3
 LENGTH_M, WIDTH_M, LONGEST_M, STD_M = (2.5, 12.0), (1.2, 3.5), 26.0, (0.005, 100.0)
-MOST_ODD, FEWEST, FAR_M, MANY, MOST_MPS2 = 0.02, 20, 10.0, 0.5, 50.0
+FEWEST_ROWS, FEWEST_VEHICLES, FAR_M, MOST_MPS2 = 20, 20, 10.0, 50.0
+FEW, SOME, HALF = 0.02, 0.1, 0.5
+"""Shares that more have to be odd than, before it is told of."""
 APART_M = 1e6
 """Between steps, where places of all steps are in one tree."""
-told: set[tuple[str, float]] = set()
-"""What this process has said: a grid reads one recording many times."""
+
+
+class Oddity(NamedTuple):
+    """Something unlikely: what it is, and in which share of cases it is so against the most that is usual."""
+
+    words: str
+    share: float
+    most: float
 
 
 def tell_oddities(tables: Mapping[str, pd.DataFrame], road: Road) -> None:
-    """Write a line to stderr, once, if truth, detections or tracks of a run are unlikely."""
+    """Write a line to stderr if truth, detections or tracks of a run are unlikely."""
     truth, detections, tracks = (tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS))
     found = [f"a vehicle {kind}" for kind in oddities(truth, road)] + odd_reports(truth, detections, tracks)
-    line, which = "; ".join(found), float(truth["lon_m"].sum())
-    if line and (line, which) not in told:
-        told.add((line, which))
-        sys.stderr.write(f"warning: this is unlikely: {line}; check units, axes, times and names of the input\n")
+    if found:
+        _tell("; ".join(found), float(truth["lon_m"].sum()))
+
+
+@cache
+def _tell(found: str, of: float) -> None:  # noqa: ARG001  once for one truth: a grid reads a recording many times
+    sys.stderr.write(f"warning: this is unlikely: {found}; check units, axes, times and names of the input\n")
 
 
 def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> list[str]:
@@ -44,17 +56,16 @@ def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFr
     of = truth.set_index(["step", "vehicle_id"])[["lon_m", "lat_m"]]
     own = of[~of.index.duplicated()].reindex(pd.MultiIndex.from_frame(detections[["step", "truth_id"]])).to_numpy()
     off_m = np.hypot(*(detections[["lon_m", "lat_m"]].to_numpy() - own).T)
+    away_m = np.asarray(there.query(_places(tracks))[0])
+    has_speeds, std_m = bool(tracks["speed_mps"].any()), tracks["std_lon_m"]
     shares = {
         "detections are over 10 m from their vehicles": _share(off_m[np.isfinite(off_m)] > FAR_M),
-        "tracks are over 10 m from any vehicle": _share(np.asarray(there.query(_places(tracks))[0]) > FAR_M),
-        "tracks move not as fast as they say": _unlike(tracks, tracks["track_id"].to_numpy())
-        * bool(tracks["speed_mps"].any()),
+        "tracks are over 10 m from any vehicle": _share(away_m > FAR_M),
+        "tracks move not as fast as they say": _unlike(tracks, tracks["track_id"].to_numpy()) * has_speeds,
         "tracks speed up by over 50 m/s2": _share(tracks["accel_mps2"].abs() > MOST_MPS2),
-        "tracks have deviations of under 5 mm or over 100 m": _share(
-            (tracks["std_lon_m"] < STD_M[0]) | (tracks["std_lon_m"] > STD_M[1])
-        ),
+        "tracks have deviations of under 5 mm or over 100 m": _share((std_m < STD_M[0]) | (std_m > STD_M[1])),
     }
-    return [kind for kind, share in shares.items() if share > MANY]
+    return [kind for kind, share in shares.items() if share > HALF]
 
 
 def oddities(truth: pd.DataFrame, road: Road | None = None) -> list[str]:
@@ -64,43 +75,52 @@ def oddities(truth: pd.DataFrame, road: Road | None = None) -> list[str]:
     if "vehicle_class" in truth:  # where some are known, others are no vehicles
         truth = truth[truth["vehicle_class"] != VEHICLE_CLASSES[UNKNOWN_CLASS]]
     rows = truth.sort_values(["episode", "vehicle_id", "step"], kind="stable", ignore_index=True)
-    who = rows.groupby(["episode", "vehicle_id"], sort=False).ngroup().to_numpy(dtype=np.int64)
-    if len(rows) < FEWEST:
+    if len(rows) < FEWEST_ROWS:
         return []
     if rows["step"].min() == rows["step"].max():
         return ["is on record at one moment"]
+    who = rows.groupby(["episode", "vehicle_id"], sort=False).ngroup().to_numpy(dtype=np.int64)
+    found = [*_odd_moves(rows, who), *_odd_places(rows, road), *_odd_sizes(rows, who)]
+    return [each.words for each in found if each.share > each.most]
+
+
+def _odd_moves(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Oddity]:
     first, last = _windows(rows, who)
     along, time_s, heading = (rows[name].to_numpy(dtype=np.float64) for name in ("speed_mps", "time_s", "heading_rad"))
     moved = np.full((len(rows), 2), np.nan)
     moved[first] = _velocity(rows, first, last)
-    went = np.hypot(*moved[first].T)
+    went_mps = np.hypot(*moved[first].T)
     middle = heading[first] + 0.5 * wrapped(heading[last] - heading[first])
-    off = np.abs(wrapped(np.arctan2(*moved[first].T[::-1]) - middle))
-    change = np.hypot(*(moved[last] - moved[first]).T) / (time_s[last] - time_s[first])
-    one = (np.diff(who) == 0) & (np.diff(rows["step"]) == 1)
+    off_rad = np.abs(wrapped(np.arctan2(*moved[first].T[::-1]) - middle))
+    change_mps2 = np.hypot(*(moved[last] - moved[first]).T) / (time_s[last] - time_s[first])
+    next_step = (np.diff(who) == 0) & (np.diff(rows["step"]) == 1)
+    said_mps2 = np.abs(np.diff(along)[next_step] / np.diff(time_s)[next_step])
+    at_once = max(_share(change_mps2 > HARDEST_MPS2), _share(said_mps2 > 3.0 * HARDEST_MPS2))
+    yield Oddity("moves not where it points", _share(off_rad[went_mps > MOVING_MPS] > TURNED_RAD), FEW)
+    yield Oddity("moves not as fast as it says", _unlike(rows, who), 2.0 * FEW)
+    yield Oddity("drives faster than 259 km/h", _share(went_mps > 0.9 * LEAP_MPS), FEW)
+    yield Oddity("changes its speed at once", at_once, FEW)
+    yield Oddity("is on record at one moment", _share(np.bincount(who) == 1), HALF if who[-1] >= FEWEST_VEHICLES else 1)
+
+
+def _odd_places(rows: pd.DataFrame, road: Road | None) -> Iterator[Oddity]:
     pairs = cKDTree(_places(rows)).query_pairs(NEAR_M, output_type="ndarray")
-    size = rows.groupby(who)[["length_m", "width_m"]]
-    length_m, width_m = size.median().to_numpy().T
+    with_ego = bool(rows["is_ego"].to_numpy(dtype=bool)[pairs].any())
     # Whoever reads logs in the plane puts none on a lane.
     mapped = road is not None and (bool(road.lanes) or (any(True for _ in road.lines()) and rows["lane"].any()))
-    beside = rows["lane"].to_numpy()[np.abs(along) > MOVING_MPS] == NO_LANE
+    off_lanes = rows["lane"].to_numpy()[np.abs(rows["speed_mps"]) > MOVING_MPS] == NO_LANE
+    yield Oddity("is where another is", len(pairs) / len(rows), 0.0 if with_ego else FEW)
+    yield Oddity("drives beside the lanes", _share(off_lanes), HALF if mapped else 1.0)
+
+
+def _odd_sizes(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Oddity]:
+    size = rows.groupby(who)[["length_m", "width_m"]]
+    length_m, width_m = size.median().to_numpy().T
     usual = LENGTH_M[0] <= np.median(length_m) <= LENGTH_M[1] and WIDTH_M[0] <= np.median(width_m) <= WIDTH_M[1]
-    shares = {
-        "moves not where it points": _share(off[went > MOVING_MPS] > TURNED_RAD),
-        "moves not as fast as it says": 0.5 * _unlike(rows, who),
-        "drives faster than 259 km/h": _share(went > 0.9 * LEAP_MPS),
-        "changes its speed at once": max(
-            _share(change > HARDEST_MPS2), _share(np.abs(np.diff(along)[one] / np.diff(time_s)[one]) > 3 * HARDEST_MPS2)
-        ),
-        "is where another is": max(len(pairs) / len(rows), float(rows["is_ego"].to_numpy(dtype=bool)[pairs].any())),
-        "changes its size": 0.2 * _share((size.max() / size.min()).to_numpy().max(axis=1) > GROWTH),
-        "is wider than long": _share(width_m > length_m),
-        "is longer than 26 m": float((length_m > LONGEST_M).any()),
-        "is on record at one moment": (_share(np.bincount(who) == 1) - MANY) * (len(length_m) > FEWEST),
-        "drives beside the lanes": (_share(beside) - MANY) * mapped,
-        "has no usual size": float(len(length_m) > 2 and not usual),
-    }
-    return [kind for kind, share in shares.items() if share > MOST_ODD]
+    yield Oddity("changes its size", _share((size.max() / size.min()).to_numpy().max(axis=1) > GROWTH), SOME)
+    yield Oddity("is wider than long", _share(width_m > length_m), FEW)
+    yield Oddity("is longer than 26 m", float((length_m > LONGEST_M).any()), 0.0)
+    yield Oddity("has no usual size", float(len(length_m) > 2 and not usual), 0.0)
 
 
 def _places(rows: pd.DataFrame) -> FloatArray:
