@@ -16,7 +16,6 @@ from harness.common.bounds import LEAP_MPS
 from harness.storage import run_folder as runfolder
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
-from mmpf.scan import UNKNOWN_CLASS, VEHICLE_CLASSES
 
 WINDOW_S = 0.5
 """Over which moves are measured, so that noise of places matters little."""
@@ -72,8 +71,8 @@ def oddities(truth: pd.DataFrame, road: Road | None = None) -> list[str]:
     """Return what is unlikely of vehicles of a table of truth, in words; people on foot do not count."""
     if "pedestrian" in truth:
         truth = truth[~truth["pedestrian"].fillna(False).astype(bool)]
-    if "vehicle_class" in truth:  # where some are known, others are no vehicles
-        truth = truth[truth["vehicle_class"] != VEHICLE_CLASSES[UNKNOWN_CLASS]]
+    # Of recordings with a detector's boxes, what is no vehicle is never in range.
+    truth = truth[truth["is_ego"].astype(bool) | truth.groupby(["episode", "vehicle_id"])["in_range"].transform("any")]
     rows = truth.sort_values(["episode", "vehicle_id", "step"], kind="stable", ignore_index=True)
     if len(rows) < FEWEST_ROWS:
         return []
