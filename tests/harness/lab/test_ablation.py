@@ -16,7 +16,7 @@ from harness.lab.ablation import (
     ablation_rows,
     as_markdown,
 )
-from harness.running.open import check_tracker
+from harness.running.open import check_tracker_and_driver
 from harness.sensor.profiles import sensor_settings
 
 
@@ -33,7 +33,7 @@ def test_every_arm_is_a_setting_that_the_tracker_takes():
     grid = plan_grid(ablation_request("us101", "0:2", 60.0))
     assert [run.variant for run in grid.cells[0].runs] == list(ABLATIONS)
     for run in grid.cells[0].runs:
-        check_tracker(run.config)
+        check_tracker_and_driver(run.config)
 
 
 def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():

@@ -38,6 +38,7 @@ def make(setting, options):
     {make}
     return Bad()
 """
+UNLIKELY = "warning: this is unlikely: tracks are over 10 m from any vehicle"
 STEPS = {
     "raise BrokenPipeError": "BrokenPipeError",
     "raise MemoryError": "MemoryError",
@@ -50,6 +51,10 @@ STEPS = {
     "return Tracks(*(np.arange(300_000, dtype=k) for _, k in COLUMNS))": "",
     "return replace(one(), **{n: np.ones(20_000, k) for n, k in COLUMNS})": "there are 20000 tracks",
 }
+
+
+def complaints(told):
+    return [line for line in told.splitlines() if not line.startswith(UNLIKELY)]
 
 
 @pytest.fixture
@@ -78,7 +83,7 @@ def test_a_tracker_that_takes_stdout_away_is_checked_to_the_end(tmp_path, scene,
 @pytest.mark.parametrize("step", STEPS)
 def test_what_a_tracker_does_in_a_step_is_one_line_with_its_file_and_line(step, tmp_path, scene, monkeypatch, capfd):
     code = run_with(tmp_path, scene, monkeypatch, step)
-    (line,) = capfd.readouterr().err.splitlines()
+    (line,) = complaints(capfd.readouterr().err)
     assert "Bad (bad.py line 9)" in line
     assert STEPS[step] in line
     assert code == (0 if "fork" in step else 3)
@@ -113,7 +118,7 @@ def of_a_fork(folder, scene, **steps):
 def test_what_a_tracker_does_to_the_streams_has_no_effect(where, does, tmp_path, scene):
     code, told = of_a_fork(tmp_path, scene, **{where: does})
     assert code == 0
-    assert re.fullmatch("warning: this is unlikely: tracks are over 10 m from any vehicle.*\n", told)
+    assert not complaints(told)
 
 
 @pytest.mark.parametrize("where", ["step", pytest.param("make", marks=pytest.mark.slow)])
@@ -159,7 +164,7 @@ def started(folder, scene, step, name):
 def test_how_deep_a_tracker_lets_calls_go_has_no_effect(tmp_path, scene):
     lowers = "import inspect; sys.setrecursionlimit(len(inspect.stack(0)) + 9)"
     process = started(tmp_path, scene, lowers, "bad:make")
-    assert process.communicate(timeout=120)[1] == ""
+    assert not complaints(process.communicate(timeout=120)[1])
     assert process.returncode == 0
 
 
