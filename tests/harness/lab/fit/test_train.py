@@ -36,10 +36,10 @@ def test_wrong_input_ends_with_two_and_one_line(arguments, words, capsys):
 def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
     for name, value in (("FOLLOWING_SAMPLES", 2000), ("SHORT_SAMPLES", 2000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
-    monkeypatch.setattr(train, "TUNING_DURATION_S", 20.0)
+    monkeypatch.setattr(train, "TUNING_DURATION_S", 30.0)
     monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
     places = tmp_path / "cache", tmp_path / "models"
-    plan = TrainingPlan("lane-keeping", 4, range(1000, 1001), 0, *places, densities=(8.0, 22.0), duration_s=25.0)
+    plan = TrainingPlan("lane-keeping", 4, range(1000, 1001), 0, *places, densities=(8.0, 22.0), duration_s=40.0)
     said: list[str] = []
     paths = train.train(plan, load_network("us101"), said.append)
     assert load_learned_driver(paths[0]).model.follower.following.mixture.inputs == 6
@@ -52,8 +52,8 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     card = (tmp_path / "models" / "lane_keeping.md").read_text()
     assert "following" in card
     assert train.KEEPING_LIMITS[0] in card
-    assert "of each seed 25 s at each of 8, 22 vehicles" in card
-    assert "--densities 8,22 --duration 25" in card
+    assert "of each seed 40 s at each of 8, 22 vehicles" in card
+    assert "--densities 8,22 --duration 40" in card
     assert np.isfinite(load_learned_driver(paths[0]).model.follower.following.mixture.means).all()
 
 
