@@ -46,7 +46,7 @@ def tell_oddities(tables: Mapping[str, pd.DataFrame], road: Road) -> None:
 
 @cache
 def _tell(found: str, of: float) -> None:  # noqa: ARG001  once for one truth: a grid reads a recording many times
-    sys.stderr.write(f"warning: this is unlikely: {found}; check units, axes, times and names of the input\n")
+    sys.stderr.write(f"warning: this is unlikely: {found}; check its units, axes, times and names, or the tracker\n")
 
 
 def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> list[str]:
