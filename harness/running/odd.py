@@ -1,4 +1,4 @@
-"""Tells what is unlikely of a run's tables that can be read: recordings of the data sets stay far below every limit."""
+"""Tells what is unlikely of a run's tables that can be read; real recordings of odd places may be told of too."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOVING_MPS, TURNED_RAD, HARDEST_MPS2, NEAR_M, GROWTH = 3.0, np.deg2rad(30.0), 15
 LENGTH_M, WIDTH_M, LONGEST_M, STD_M = (2.5, 12.0), (1.2, 3.5), 26.0, (0.005, 100.0)
 FEWEST_ROWS, FEWEST_VEHICLES, FAR_M, MOST_MPS2 = 20, 20, 10.0, 50.0
 FEW, SOME, HALF = 0.02, 0.1, 0.5
-"""Shares that more have to be odd than, before it is told of."""
+"""Shares of rows or vehicles: what is odd of more than this is told of."""
 APART_M = 1e6
 """Between steps, where places of all steps are in one tree."""
 
@@ -37,7 +37,7 @@ class Oddity(NamedTuple):
 
 
 def tell_oddities(tables: Mapping[str, pd.DataFrame], road: Road) -> None:
-    """Write a line to stderr if truth, detections or tracks of a run are unlikely."""
+    """Write a line to stderr if truth, detections or tracks of a run, its tables by file name, are unlikely."""
     truth, detections, tracks = (tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS))
     found = [f"a vehicle {kind}" for kind in oddities(truth, road)] + odd_reports(truth, detections, tracks)
     if found:
@@ -50,7 +50,7 @@ def _tell(found: str, of: float) -> None:  # noqa: ARG001  once for one truth: a
 
 
 def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> list[str]:
-    """Return what is unlikely of detections and tracks beside the truth, in words."""
+    """Return what is unlikely of tables of detections and tracks beside that of the truth, in words."""
     there = cKDTree(_places(truth))
     of = truth.set_index(["step", "vehicle_id"])[["lon_m", "lat_m"]]
     own = of[~of.index.duplicated()].reindex(pd.MultiIndex.from_frame(detections[["step", "truth_id"]])).to_numpy()
