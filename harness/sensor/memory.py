@@ -30,10 +30,10 @@ class Chain(NamedTuple):
 
 
 def next_state(chain: Chain, before: FloatArray, step_s: float, uniforms: FloatArray) -> BoolArray:
-    """Return whether each of n chains is in its state now.
+    """Draw whether each of n two-state chains is in its state now, shape (n,).
 
-    A chain that holds on to its state with the right probability and else draws it anew has exactly the asked-for
-    share, and runs of the asked-for mean length, where these are longer than those of independent draws.
+    At each step a chain keeps its former state with the probability 1 - step / (run (1 - share)), else draws it anew
+    with the probability ``share``. So runs last ``run_s`` on average; shorter ones than independent draws' can't be.
 
     Args:
         chain: Shares and mean run lengths.

@@ -130,7 +130,7 @@ class Components:
     def elsewhere(self) -> tuple[FloatArray, FloatArray]:
         """Probability that each vehicle is not where its particles are, (m,), and its mean squared offset then, (3, m).
 
-        They are along, across and in speed; a rule that does not doubt its components says 0.
+        They are along the frame's axes and in speed; a rule that does not doubt its components says 0.
         """
         return np.zeros(len(self)), np.zeros((3, len(self)))
 

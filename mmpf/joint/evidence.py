@@ -208,11 +208,11 @@ def _weigh_headings(
 
 
 def resolvable_std(std: FloatArray, spread: FloatArray, particles: IntArray) -> FloatArray:
-    """Return the deviations of measurements, bounded below by what particles can resolve, shape (axes, p).
+    """Return the deviations of measurements, raised where too few particles would lie near the measurement, (axes, p).
 
-    In each axis a measurement leaves the share std / sqrt(std² + spread²) of the cloud's width. Where the product of
-    these shares leaves fewer than ``FEWEST_EFFECTIVE`` particles, the smallest are raised to one floor that leaves as
-    many; all others stay the same bytes.
+    Along each axis about the share std / sqrt(std² + spread²) of the particles gets a weight that counts. If the
+    product of the axes' shares leaves fewer than ``FEWEST_EFFECTIVE`` particles, the smallest shares are raised to a
+    common floor at which that many are left. The other deviations are returned unchanged, to the byte.
 
     Args:
         std: Deviation of each pair's measurement along each axis, nan along an axis that is not measured, (axes, p).

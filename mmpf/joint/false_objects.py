@@ -150,7 +150,7 @@ class FalseObjects:
         return max(known / (PRIOR_APPEAR_S + self.watched_s), IN_VIEW_PER_S)
 
     def standing_share(self, usual: FloatArray | float, options: JointVehicles) -> FloatArray | float:
-        """Return the share of vehicles that stand where ``usual`` is the least share, its shape; as above."""
+        """Return the share of vehicles that stand, in the shape of ``usual``, the prior; counts can only raise it."""
         known = float((self.vehicles + self.present).sum())
         standing = options.prior_count * usual + float(self.stood.sum())
         return np.maximum(standing / (options.prior_count + known), usual)

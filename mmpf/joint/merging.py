@@ -98,19 +98,19 @@ def merge_lasting_overlaps(
 def with_known_vehicles(
     components: Sources, moments: Moments, heirs: IntArray, known: IntArray, same: FloatArray
 ) -> Sources:
-    """Return the components after some of them, the heirs, have taken the places of reported ones.
+    """Return the components after some of them, the heirs, have inherited what reported components were known to be.
 
-    An heir's own detections make it a vehicle, or else the known component, if it is that one: its probability becomes
-    1 - (1 - heir) (1 - same known). In the second case the known one's detectability holds for it too. By its own
-    detections alone an heir that has just appeared in plain view would be doubted, since few vehicles do. That it is
-    another source than the known one has the probability 1 - heir same.
+    With h and k the probabilities that heir and known component are vehicles, the heir becomes a vehicle with the
+    probability 1 - (1 - h) (1 - same k): by its own detections, or because it is the known vehicle, whose detectability
+    then holds for it. Its own detections alone would leave it in doubt, since few vehicles first appear in plain view.
+    The probability that it is not the known vehicle, 1 - same h, is kept as that of a mistake (``with_mistakes``).
 
     Args:
         components: The components.
         moments: Their moments.
-        heirs: Indices of the components that go on, shape (k,).
+        heirs: Indices of the components that stay, shape (k,).
         known: Index of the reported component that each replaces, which is about to be removed, shape (k,).
-        same: Probability that both are the same source, if the known one is a vehicle, shape (k,).
+        same: Probability that both are the same source, given that the known one is a vehicle, shape (k,).
     """
     hidden, offset = moments.take(known), moments.mean[PLACED][:, heirs] - moments.mean[PLACED][:, known]
     components = with_mistakes(components, heirs, 1.0 - same * components.vehicle[heirs], offset, hidden)

@@ -34,18 +34,18 @@ def mistaken_after(
     prior: JointFalseObjects,
     dt_s: float,
 ) -> Sources:
-    """Return the components with the odds of a mistake after a scan.
+    """Return the components with the probability of a mistake after a scan, by Bayes' rule on its odds.
 
-    A detection counts for what vehicle or false object is detected more often here, and a false object may have ended.
-    Without a detection the odds grow as if every false object had: a vehicle would have been detected.
+    A detection multiplies the odds by the probability that a false object still exists and is detected, over that of a
+    vehicle's detection. A miss divides them by a vehicle's probability of a miss: the false object counts as ended.
 
     Args:
         sources: The components after the scan.
         before: The components before it.
-        sightings: What the sensor would make of them.
-        learned: What false objects are like.
-        prior: The same before any was found.
-        dt_s: Time since the scan before.
+        sightings: Detection probabilities at the components' places.
+        learned: Learned kinds, lifetimes and detectability of false objects.
+        prior: Their prior values.
+        dt_s: Time since the previous scan.
     """
     seen = sightings.detection_probabilities()
     kinds = learned.kind_shares(prior)

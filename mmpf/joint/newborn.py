@@ -80,10 +80,10 @@ class Appearances:
 def kinds_at_birth(
     places: Appearances, learned: FalseObjects, sensor: SensorModel, options: JointOptions
 ) -> FloatArray:
-    """Return the prior of each new source's kind, detectability and shadow, given its first detection.
+    """Return each new source's joint probability of kind, shading and detectability, given that it was detected once.
 
-    New vehicles and new false objects compete: the more false objects were found, the fewer of the new are vehicles.
-    Who is first detected in plain view is probably hard to detect.
+    It is proportional to the rate at which such sources are first detected there: vehicles by the degree of plain view,
+    false objects as often as they were found so far. A vehicle first detected in plain view is probably hard to detect.
 
     Args:
         places: Where they appear, k of them.

@@ -39,7 +39,7 @@ class Sources(Components):
         overlap_with: ``track_id`` of the component that it has been overlapping, ``NEVER`` if none.
         overlap_s: For how long, scan after scan.
         mistaken: Probability that what it follows is not the vehicle that was hidden; see ``mmpf.joint.mistaken``.
-        away_std: How far the vehicle is then, root mean square along, across and in speed, shape (m, 3).
+        away_std: How far the vehicle is then, root mean square along the frame's axes and in speed, shape (m, 3).
     """
 
     withdrawn: BoolArray
@@ -73,7 +73,7 @@ class Sources(Components):
 
     @property
     def elsewhere(self) -> tuple[FloatArray, FloatArray]:
-        """Probability that each follows another source, (m,), and the mean squares of how far it is then, (3, m)."""
+        """Probability that each follows another source, (m,), and the vehicle's mean squared offsets then, (3, m)."""
         return self.mistaken, self.away_std.T**2
 
     def after_scan(self, was_hit: BoolArray, dt_s: float, log_odds: FloatArray | float = 0.0) -> Self:

@@ -31,11 +31,11 @@ def drawn_directions(otherwise_rad: FloatArray, headings: BodyHeadings, rng: np.
 
 
 def heading_ratio(direction_rad: FloatArray, headings: BodyHeadings) -> FloatArray:
-    """Return by how much likelier a measured direction is of a particle than of anything, whose direction is any.
+    """Return the likelihood of each measured direction, given the particle's, over a uniform density 1 / (2 pi), (n,).
 
     Args:
-        direction_rad: Directions of particles, shape (n,).
-        headings: What was measured of each, of shape (n,).
+        direction_rad: Directions of the particles, shape (n,).
+        headings: The direction measured for each particle, struct of shape (n,).
     """
     off = np.abs(wrapped(direction_rad - headings.heading_rad)) / headings.std_rad
     back = np.pi / headings.std_rad - off

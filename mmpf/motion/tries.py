@@ -67,14 +67,16 @@ def log_prior_over_tried(
 def log_ratio_of_begun(
     begun: BoolArray, may_begin: BoolArray, true: float, tried: float, ways: int | npt.NDArray[np.integer] = 1
 ) -> FloatArray:
-    """Return the log ratio of prior over proposal for particles that began something or did not, shape (n,).
+    """Return the log importance weight of particles that try something more often than vehicles do, shape (n,).
+
+    Who began it gets log(true / tried), who could have and did not, log((1 - ways true) / (1 - ways tried)).
 
     Args:
-        begun: Which began it, shape (n,).
-        may_begin: Which could have; zero for the others, shape (n,).
-        true: Probability with which vehicles begin it in a step, in each of the ways that they may.
-        tried: The same of particles.
-        ways: Number of these ways: to either side, to one or to none.
+        begun: Which particles began it in this step, shape (n,).
+        may_begin: Which could have begun it, shape (n,); the log weight of the others is zero.
+        true: Probability that a vehicle begins it in a step in one given way, such as a lane change to the left.
+        tried: Probability that a particle does.
+        ways: Number of ways open to each particle: 0, 1 or 2.
     """
     did = np.log(max(true, SMALLEST)) - np.log(max(tried, SMALLEST))
     none_of = (np.log(np.maximum(1.0 - np.arange(CASES) * chance, SMALLEST)) for chance in (true, tried))

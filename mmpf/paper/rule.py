@@ -170,11 +170,8 @@ class MaxLikelihoodUpdate:
         left = outside_observation_area(mean[LON], mean[LAT], situation)
         share = np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]])
         is_light = share * len(mixture) < removal.weight
-        patience_s = np.where(
-            mixture.components.confirmed,
-            removal.longest_unseen_s,
-            min(removal.unconfirmed_unseen_s, removal.longest_unseen_s),
-        )
+        shorter_s = min(removal.unconfirmed_unseen_s, removal.longest_unseen_s)
+        patience_s = np.where(mixture.components.confirmed, removal.longest_unseen_s, shorter_s)
         return np.asarray(~left & ~is_light & (mixture.components.unseen_s <= patience_s))
 
 

@@ -62,12 +62,12 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
 def followed_speed_variance(
     place_m2: FloatArray, speed_m2ps2: FloatArray, drift_m2: FloatArray, correlation_s: float
 ) -> FloatArray:
-    """Return the variance of the speed of drifting noise that a filter takes for its vehicle's, (m/s)², shape (n,).
+    """Return the variance of the speed error that drifting measurement noise causes, (m/s)², shape (n,).
 
-    A filter that takes all noise as white follows what drifts with its own bandwidth w. That of the steady Kalman
-    filter of constant velocity is the ratio of its deviations of speed and place, and its estimate of the speed is the
-    measured place through w² s / (s² + √2 w s + w²). The variance of that for noise whose correlation falls by e in
-    ``correlation_s`` is the integral I3 of Newton, Gould and Kaiser (1957, appendix E).
+    The filter takes all noise as white, so it takes a drift of the measured place for motion of the vehicle. A steady
+    Kalman filter of constant velocity estimates the speed as the measured place passed through the transfer function
+    w² s / (s² + √2 w s + w²), with w its deviation of speed over that of place, 1/s. The input here is noise of the
+    autocorrelation exp(-t / ``correlation_s``): integral I3 of Newton, Gould and Kaiser (1957, appendix E).
 
     Args:
         place_m2: The filter's variance of the place, shape (n,).

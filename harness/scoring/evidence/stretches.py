@@ -28,10 +28,10 @@ def missed_stretches(
 ) -> tuple[IntArray, IntArray]:
     """Return the first and the last step of each missed braking, in order.
 
-    ``differ`` (the driver brakes by the truth and does not by the tracks) and ``withheld`` (it does not brake by the
-    tracks as it ought to for a vehicle withheld in plain view) are of shape (steps,). A track that is there in one scan
-    of three would break every stretch. So where a withheld vehicle is not braked for in ``DECISION_S`` out of twice
-    that time, all of this time counts.
+    A missed braking is an unbroken stretch, ``DECISION_S`` or longer, of steps at which ``differ`` or ``withheld``
+    holds, both of shape (steps,): the driver brakes by the truth and not by the tracks, or fails to brake as it ought
+    to for a vehicle withheld in plain view. A track reported now and then would break such stretches. So if
+    ``withheld`` holds for ``DECISION_S`` out of the last 2 ``DECISION_S``, the gaps in between count too.
     """
     holds = differ | withheld
     until_s = np.cumsum(step_s)
