@@ -183,12 +183,9 @@ def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: 
 
 def ratio_of(sums: FloatArray, counts: FloatArray, possible: Possible = NONNEGATIVE) -> Ratio:
     """Return the ratio of the totals, None without a sample, and its interval over independent units, shape (n,)."""
-    total = float(counts.sum())
-    interval = possible_ci(sums, counts, possible)
-    return (
-        float(sums.sum()) / total if total > 0.0 else None,
-        (interval.low, interval.high) if np.isfinite(interval.low) else None,
-    )
+    total, interval = float(counts.sum()), possible_ci(sums, counts, possible)
+    ends = (interval.low, interval.high) if np.isfinite(interval.low) else None
+    return float(sums.sum()) / total if total > 0.0 else None, ends
 
 
 def sums_and_weights(runs: pd.DataFrame, quantity: Quantity) -> tuple[FloatArray, FloatArray]:

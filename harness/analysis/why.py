@@ -17,9 +17,11 @@ from urllib.parse import quote
 
 import numpy as np
 
+from harness.scoring.evidence.directions import along_and_across
 from harness.scoring.evidence.errors import LOST, scored_rows
 from harness.scoring.evidence.matching import find_track_rows
-from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M, IN_SIGHT_S, TIME_TOLERANCE_S
+from harness.scoring.evidence.pairs import GATE_SIMILARITY, similarity
+from harness.scoring.evidence.rules import IN_SIGHT_S, TIME_TOLERANCE_S
 from harness.scoring.evidence.sequence import select_in_sight
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.clear import clear_matches
@@ -87,12 +89,13 @@ class _Tracks:
         """Return a track's row at a step, -1 where it is not reported."""
         return int(find_track_rows(self.evidence.rows, np.array([step]), np.array([track]))[0])
 
-    def end_of(self, track: int) -> str:
-        """Return why a track ended: beside another that was there then and went on, or not."""
+    def end_of(self, track: int, vehicle_row: int) -> str:
+        """Return why a track ended: within the gate along its vehicle of another that went on, or not."""
         rows, row = self.rows, int(self.last[track])
         near = np.flatnonzero(rows.step == rows.step[row])
-        close = np.abs(rows.lon_m[near] - rows.lon_m[row]) <= GATE_LON_M
-        close &= np.abs(rows.lat_m[near] - rows.lat_m[row]) <= GATE_LAT_M
+        off_lon, off_lat = rows.lon_m[near] - rows.lon_m[row], rows.lat_m[near] - rows.lat_m[row]
+        direction = np.full(len(near), self.evidence.rows.truth.direction_rad[vehicle_row])
+        close = similarity(*along_and_across(off_lon, off_lat, direction)) >= GATE_SIMILARITY
         goes_on = rows.step[self.last[rows.track[near]]] > rows.step[row]
         return MERGE if (close & goes_on & (near != row)).any() else DEATH
 
@@ -122,7 +125,7 @@ def _cause_of_switch(evidence: Evidence, tracks: _Tracks, vehicle: tuple[int, in
     old, new = (int(rows.track[row]) for row in track)
     there = tracks.row_at(old, int(truth.step[now]))
     if there < 0:
-        return tracks.end_of(old)
+        return tracks.end_of(old, last)
     on = int(evidence.matching.truth_row[there])
     if on >= 0 and truth.vehicle[on] != truth.vehicle[now]:
         return ASSOCIATION
@@ -141,7 +144,7 @@ def _losses(evidence: Evidence, tracks: _Tracks) -> Iterator[TrackFailure]:
         holder = int(evidence.matching.holder[begin])
         yield TrackFailure(
             LOSS,
-            tracks.end_of(holder),
+            tracks.end_of(holder, begin),
             tracks.name[int(truth.vehicle[begin])],
             float(truth.time_s[begin]),
             int(rows.tracks.track_id[tracks.last[holder]]),

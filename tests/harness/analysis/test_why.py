@@ -48,6 +48,7 @@ def scene(tracks: Spans, unseen: tuple[int, int] | None = None) -> list[TrackFai
 
 
 TWO = (2, 0, STEPS - 1, 4.0)
+NEW, ON_NOTHING = (3, 35, STEPS - 1, 0.0), (1, 20, STEPS - 1, -9.0)
 
 
 def test_a_perfect_tracker_fails_nowhere():
@@ -58,9 +59,6 @@ def test_a_track_that_ends_with_nobody_near_died():
     (found,) = scene([(1, 0, 29, 0.0), (3, 31, STEPS - 1, 0.0), TWO])
     assert (found.kind, found.cause, found.vehicle_id, found.before, found.after) == (SWITCH, DEATH, "one", 1, 3)
     assert found.time_s == pytest.approx(3.1)
-
-
-NEW, ON_NOTHING = (3, 35, STEPS - 1, 0.0), (1, 20, STEPS - 1, -9.0)
 
 
 @pytest.mark.parametrize(
