@@ -16,7 +16,7 @@ from harness.scoring.metrics.parts import ROWS, of_whole
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import FloatArray
 
-STEPS_A_MINUTE = 600.0
+STEPS_A_MINUTE = 600.0  # of 0.1 s; id_switches_per_vehicle_minute holds for steps of any length
 HOTA, IDF1, SWITCHES, TRUTH_N = "mot.hota", "mot.idf1", "mot.id_switches", "mot.truth_n"
 IN_SIGHT = (
     Quantity(HOTA, "HOTA in sight, %", True, heading="HOTA %"),

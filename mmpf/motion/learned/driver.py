@@ -61,7 +61,7 @@ class FreeDriver:
     Attributes:
         lag_per_s: Rate at which acceleration approaches what is wanted.
         gain_per_s: Wanted acceleration per m/s of missing speed.
-        accel_noise_mps2: Standard deviation of the acceleration's noise in each step.
+        accel_noise_mps2: Standard deviation of the acceleration's noise in each step, fitted to steps of 0.1 s.
         desired_per_accel_s: How much more than the present speed is desired per m/s² of present acceleration.
         desired_spread_mps: Standard deviation of the desired speed given present speed and acceleration.
     """
