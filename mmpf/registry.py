@@ -105,8 +105,11 @@ class Registry(Generic[T]):
         if declared:
             return self._loaded(declared[0])
         if ":" in name and self.group is not None:
-            if name.partition(":")[0].partition(".")[0] in sys.stdlib_module_names:
+            module = name.partition(":")[0]
+            if module.partition(".")[0] in sys.stdlib_module_names:
                 raise UnknownNameError(f"{name} is part of Python itself and no {self.kind}")
+            if module.endswith(".py") or not all(map(str.isidentifier, module.split("."))):
+                raise UnknownNameError(f"{module} is no module; write module:name, without a folder or .py")
             from importlib.metadata import EntryPoint  # noqa: PLC0415
 
             return self._loaded(EntryPoint(name, name, self.group))

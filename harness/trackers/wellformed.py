@@ -90,8 +90,9 @@ def _fault_of_column(name: str, values: object, wanted: tuple[int, ...]) -> str 
         return f"is {type(values).__name__}, not an array"
     if values.shape != wanted or values.ndim != 1:
         return f"has shape {values.shape}, track_id {wanted}; both must be (m,)"
-    if values.dtype.kind not in "fiu" or (name == "track_id" and values.dtype.kind == "f"):
-        return f"is {values.dtype}, not {'whole ' * (name == 'track_id')}numbers"
+    is_whole = name in ("track_id", "state")
+    if values.dtype.kind not in ("iu" if is_whole else "fiu"):
+        return f"is {values.dtype}, not {'whole ' * is_whole}numbers"
     low, high = BOUNDS[name]
     right = (values > low if name.startswith("std_") else values >= low) & (values <= high)
     if name in MAY_BE_UNKNOWN:

@@ -139,8 +139,7 @@ def test_a_file_is_never_taken_for_another_packages_format_that_nobody_names(exa
 def test_a_reader_that_returns_nonsense_is_told_which_check_fails(returned, told, example, tmp_path):
     (example / "odd_reader.py").write_text(
         "from dataclasses import replace\nimport numpy as np\nfrom plugin_example import read_queue\n"
-        "def read(path):\n"
-        "    good = read_queue(path)\n"
+        "def read(path):\n    good = read_queue(path)\n"
         "    with_rows = lambda **columns: replace(good, rows=replace(good.rows, **columns))\n"
         f"    return {returned}\n"
     )

@@ -47,6 +47,7 @@ STEPS = {
     "return one(std_lat_m=0.0)": "std_lat_m holds 0",
     "return one(std_speed_mps=-3.0)": "std_speed_mps holds -3",
     "return one(track_id=1.5)": "track_id is float64, not whole numbers",
+    "return one(state=1.0)": "state is float64, not whole numbers",
     "return one(state=np.int8(7))": "state holds 7",
     "return Tracks(*(np.arange(300_000, dtype=k) for _, k in COLUMNS))": "",
     "return replace(one(), **{n: np.ones(20_000, k) for n, k in COLUMNS})": "there are 20000 tracks",
