@@ -85,10 +85,7 @@ def isolated(work: Callable[[], T], place: str, limits: ProcessLimits = ProcessL
 
 
 def streamed(
-    work: Callable[[Send[T]], object],
-    place: str,
-    limits: ProcessLimits = ProcessLimits(),
-    folders: Sequence[Path] = (),
+    work: Callable[[Send[T]], object], place: str, limits: ProcessLimits = ProcessLimits(), folders: Sequence[Path] = ()
 ) -> Generator[T]:
     """Yield what work sends that is done in a fork, as ``isolated`` does it; within a fork it is done there.
 

@@ -12,11 +12,7 @@ from types import FrameType
 
 from harness.common import exit_codes
 
-CODES = {
-    signal.SIGINT: exit_codes.INTERRUPTED,
-    signal.SIGTERM: exit_codes.TERMINATED,
-    signal.SIGHUP: exit_codes.HANGUP,
-}
+CODES = {signal.SIGINT: exit_codes.INTERRUPTED, signal.SIGTERM: exit_codes.TERMINATED, signal.SIGHUP: exit_codes.HANGUP}
 _received: list[signal.Signals] = []
 
 

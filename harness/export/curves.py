@@ -40,10 +40,7 @@ def curves_of(run: RecordedRun) -> Curves:
     reported = run.tracks[run.tracks["state"] != "tentative"]
     return Curves(
         time_s=floats(truth, "time_s")[first],
-        error_m={
-            "seen": _mean_error(run, others, SEEN, steps),
-            "hidden": _mean_error(run, others, HIDDEN, steps),
-        },
+        error_m={"seen": _mean_error(run, others, SEEN, steps), "hidden": _mean_error(run, others, HIDDEN, steps)},
         count={
             "seen vehicles": _counted(others[others["state"].isin(SEEN)], steps),
             "hidden vehicles": _counted(others[others["state"].isin(HIDDEN)], steps),

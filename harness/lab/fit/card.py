@@ -22,11 +22,7 @@ TRAFFIC = "Traffic"
 
 
 def write_card(
-    path: Path,
-    title: str,
-    facts: Mapping[str, str],
-    regimes: Sequence[Sequence[str]],
-    limits: Sequence[str],
+    path: Path, title: str, facts: Mapping[str, str], regimes: Sequence[Sequence[str]], limits: Sequence[str]
 ) -> None:
     """Write a model card with the rows of ``errors_by_regime``, if any, and known limits, one sentence each."""
     lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]

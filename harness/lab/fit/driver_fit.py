@@ -32,11 +32,7 @@ PROPOSED_CHANGES = 10.0
 
 
 def fit_driver(
-    windows: CarFollowing,
-    changes_per_s: float,
-    components: int,
-    seed: int,
-    progress: Callable[[str], None],
+    windows: CarFollowing, changes_per_s: float, components: int, seed: int, progress: Callable[[str], None]
 ) -> tuple[DriverModel, MixtureFollower]:
     """Fit the learned driver; its follower is returned beside it."""
     follower = fit_follower(windows, components, seed, progress)

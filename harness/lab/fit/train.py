@@ -287,10 +287,7 @@ RESIDUAL_LIMITS = (
     "off, and how many, was set by hand.",
     "Beyond the range of its inputs in training it takes them for the range's end; IDM's part goes on.",
 )
-RECURRENT_LIMITS = (
-    *RESIDUAL_LIMITS,
-    "Training needs the extra `deep` (JAX); running it does not.",
-)
+RECURRENT_LIMITS = (*RESIDUAL_LIMITS, "Training needs the extra `deep` (JAX); running it does not.")
 SHORT_LIMITS = (
     "One step ahead is all that it was fitted to: errors feed back, and its particles are too alike after seconds.",
     "Lateral position counts from the middle of the own lane, so that the model carries over to other roads.",

@@ -51,14 +51,8 @@ _MEMORY: Space = {"largest_std_lon_m": _ratio(2.0, 40.0), "longest_unseen_s": _r
 _GATE: Space = {"gate_std": Range(2.5, 6.0)}
 _CONFIRM: Space = {"confirm_detections": _whole(1, 10), "birth_speed_std_mps": _ratio(2.0, 20.0)}
 _BIRTH: Space = {**_CONFIRM, "held_unseen_s": _ratio(0.1, 1.5)}
-_BELIEF: Space = {
-    "detection_probability": Range(0.1, 0.95),
-    "clutter_factor": _ratio(0.1, 10.0),
-}
-_STITCHING: Space = {
-    "stitching.margin_m": Range(0.0, 8.0),
-    "stitching.gate_std": Range(1.5, 5.0),
-}
+_BELIEF: Space = {"detection_probability": Range(0.1, 0.95), "clutter_factor": _ratio(0.1, 10.0)}
+_STITCHING: Space = {"stitching.margin_m": Range(0.0, 8.0), "stitching.gate_std": Range(1.5, 5.0)}
 # The ego's path is no setting to search: a vehicle that stands there is always reported.
 _DOUBTFUL: Space = {
     "doubtful.on": (False, True),
