@@ -40,7 +40,7 @@ class _BesideModule(InTreeCacheLocator):
         return str(Path(self._py_file).parent / SHIPPED)
 
     def ensure_cache_path(self) -> None:
-        pass
+        Path(self.get_cache_path()).stat()  # where there is no such folder, nobody looks for kernels in it
 
 
 class _ShippedFiles(CompileResultCacheImpl):
