@@ -24,8 +24,7 @@ class Options(TypedDict):
         ),
     ]
     against: Annotated[
-        str | None,
-        Option("Git revision: compare the processor times of steps with it, in turns.", metavar="REVISION"),
+        str | None, Option("Git revision: compare the processor times of steps with it, in turns.", metavar="REVISION")
     ]
     particles: Annotated[int, Option("Particles per vehicle.", default=1000, least=10)]
     steps: Annotated[int, Option("Scans per scene.", default=40, least=8)]

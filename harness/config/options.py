@@ -167,11 +167,7 @@ class RunOptions(TypedDict, total=False):
     ]
     model: Annotated[
         str | None,
-        Option(
-            "Motion model: gmm, idm, cvm, ..., or module:Class. (default: residual)",
-            "tracker.model",
-            TRACKING,
-        ),
+        Option("Motion model: gmm, idm, cvm, ..., or module:Class. (default: residual)", "tracker.model", TRACKING),
     ]
     update: Annotated[
         str | None, Option("Measurement update by name, e.g. joint, max_likelihood.", "tracker.update", TRACKING)

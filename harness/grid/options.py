@@ -43,8 +43,7 @@ class GridOptions(TypedDict, total=False):
         ),
     ]
     format: Annotated[
-        str | None,
-        Option("Format of recorded traffic, as in 'run'; or your own reader, module:function.", panel=GRID),
+        str | None, Option("Format of recorded traffic, as in 'run'; or your own reader, module:function.", panel=GRID)
     ]
     trackers: Annotated[
         str | Sequence[str | Callable[..., Any]],

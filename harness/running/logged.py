@@ -59,8 +59,7 @@ class Logs(TypedDict):
         Option("Vehicle that carries the sensor, or a file of its poses. (default: the column is_ego)", metavar="NAME"),
     ]
     format: Annotated[
-        str | None,
-        Option("parquet, csv, kitti, mot, nuscenes or mcap. (default: by the content)", metavar="FORMAT"),
+        str | None, Option("parquet, csv, kitti, mot, nuscenes or mcap. (default: by the content)", metavar="FORMAT")
     ]
     step: Annotated[
         float, Option("Seconds between frames that have only a number.", default=0.1, metavar="SECONDS", least=0.001)

@@ -110,7 +110,7 @@ def _sides(options: Mapping[str, Any]) -> tuple[Source, Source] | None:
 SUITES = {
     STANDARD: GridRequest(
         net="us101", densities="20,40", trackers="mmpf", models="cvm,gmm", seeds="10", duration_s=30.0, particles=200
-    ),
+    )
 }
 BASELINE = Path("results/reference")
 KEPT = (RUNS, GRID, TABLE, runfolder.MANIFEST)

@@ -189,8 +189,7 @@ def averaged(candidates: Sequence[Candidate]) -> Candidate:
         for name in candidates[0].demands
     }
     return Candidate(
-        Drivers.model_validate(drivers),
-        {name: DemandFile.model_validate(demand) for name, demand in demands.items()},
+        Drivers.model_validate(drivers), {name: DemandFile.model_validate(demand) for name, demand in demands.items()}
     )
 
 

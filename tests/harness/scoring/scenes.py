@@ -53,46 +53,27 @@ def traffic(steps: int = 100, vehicles: int = 20, seed: int = 0, clutter: float 
     state = np.where(in_range, state, "out")
     truth = pd.DataFrame(
         {
-            "step": step,
-            "time_s": step * STEP_S,
-            "episode": 0,
-            "vehicle_id": np.array([f"car{v}" for v in vehicle]),
-            "lon_m": lon,
-            "lat_m": lat,
-            "heading_rad": 0.0,
-            "speed_mps": speed,
-            "lat_speed_mps": 0.0,
-            "accel_mps2": 0.0,
-            "lane": lane + 1,
-            "length_m": 4.7,
-            "width_m": 1.9,
-            "is_ego": vehicle == 0,
-            "in_range": in_range,
-            "visible_fraction": visible_fraction,
-            "state": state,
+            "step": step, "time_s": step * STEP_S, "episode": 0, "vehicle_id": np.array([f"car{v}" for v in vehicle]),
+            "lon_m": lon, "lat_m": lat, "heading_rad": 0.0, "speed_mps": speed, "lat_speed_mps": 0.0,
+            "accel_mps2": 0.0, "lane": lane + 1, "length_m": 4.7, "width_m": 1.9, "is_ego": vehicle == 0,
+            "in_range": in_range, "visible_fraction": visible_fraction, "state": state,
         }
-    )
+    )  # fmt: skip
     seen = in_range & (vehicle > 0) & (visible_fraction > 0.15) & (rng.random(len(step)) < 0.9)
     hits = pd.DataFrame(
         {
-            "step": step[seen],
-            "time_s": step[seen] * STEP_S,
-            "lon_m": lon[seen] + rng.normal(0, 0.3, seen.sum()),
-            "lat_m": lat[seen] + rng.normal(0, 0.2, seen.sum()),
-            "truth_id": truth["vehicle_id"].to_numpy()[seen],
+            "step": step[seen], "time_s": step[seen] * STEP_S, "lon_m": lon[seen] + rng.normal(0, 0.3, seen.sum()),
+            "lat_m": lat[seen] + rng.normal(0, 0.2, seen.sum()), "truth_id": truth["vehicle_id"].to_numpy()[seen],
         }
-    )
+    )  # fmt: skip
     n_clutter = int(clutter * steps)
     clutter_step = rng.integers(0, steps, n_clutter)
     noise = pd.DataFrame(
         {
-            "step": clutter_step,
-            "time_s": clutter_step * STEP_S,
-            "lon_m": rng.uniform(0, 200, n_clutter),
-            "lat_m": rng.uniform(0, 18, n_clutter),
-            "truth_id": "",
+            "step": clutter_step, "time_s": clutter_step * STEP_S, "lon_m": rng.uniform(0, 200, n_clutter),
+            "lat_m": rng.uniform(0, 18, n_clutter), "truth_id": "",
         }
-    )
+    )  # fmt: skip
     detections = pd.concat([hits, noise]).sort_values("step", kind="stable").reset_index(drop=True)
     drift = np.cumsum(rng.normal(0, 0.15, (steps, vehicles)), axis=0).ravel() * (visible_fraction < 0.15)
     life = vehicle + vehicles * (step // rng.integers(20, 400, vehicles)[vehicle])
@@ -101,21 +82,13 @@ def traffic(steps: int = 100, vehicles: int = 20, seed: int = 0, clutter: float 
     track_id = np.where(step > steps // 2, swap[life], life)
     tracks = pd.DataFrame(
         {
-            "step": step,
-            "time_s": step * STEP_S,
-            "track_id": track_id,
-            "lon_m": lon + rng.normal(0, 0.8, len(step)) + drift,
-            "lat_m": lat + rng.normal(0, 0.4, len(step)),
-            "speed_mps": speed + rng.normal(0, 0.5, len(step)),
-            "lat_speed_mps": rng.normal(0, 0.2, len(step)),
-            "accel_mps2": 0.0,
-            "std_lon_m": 0.8,
-            "std_lat_m": 0.4,
-            "std_speed_mps": 0.5,
-            "existence": 0.99,
+            "step": step, "time_s": step * STEP_S, "track_id": track_id,
+            "lon_m": lon + rng.normal(0, 0.8, len(step)) + drift, "lat_m": lat + rng.normal(0, 0.4, len(step)),
+            "speed_mps": speed + rng.normal(0, 0.5, len(step)), "lat_speed_mps": rng.normal(0, 0.2, len(step)),
+            "accel_mps2": 0.0, "std_lon_m": 0.8, "std_lat_m": 0.4, "std_speed_mps": 0.5, "existence": 0.99,
             "state": np.where(visible_fraction < 0.15, "hidden", "confirmed"),
         }
-    )[reported]
+    )[reported]  # fmt: skip
     return truth, detections, tracks.drop_duplicates(["step", "track_id"]).reset_index(drop=True)
 
 
@@ -134,18 +107,10 @@ class Scene:
         step = np.arange(self.steps) if at is None else np.asarray(at)
         table = pd.DataFrame(
             {
-                "step": step,
-                "time_s": step * STEP_S,
-                "episode": episode,
-                "vehicle_id": name,
-                "lon_m": lon,
-                "lat_m": lat,
-                "speed_mps": speed,
-                "lat_speed_mps": 0.0,
-                "is_ego": is_ego,
-                "state": state,
+                "step": step, "time_s": step * STEP_S, "episode": episode, "vehicle_id": name, "lon_m": lon,
+                "lat_m": lat, "speed_mps": speed, "lat_speed_mps": 0.0, "is_ego": is_ego, "state": state,
             }
-        )
+        )  # fmt: skip
         table["in_range"] = table["state"] != "out"
         self.truth.append(table)
         seen = table[np.broadcast_to(detected, len(table))]
@@ -165,20 +130,12 @@ class Scene:
         self.tracks.append(
             pd.DataFrame(
                 {
-                    "step": step,
-                    "time_s": step * STEP_S,
-                    "track_id": number,
-                    "lon_m": lon,
-                    "lat_m": lat,
-                    "speed_mps": speed,
-                    "lat_speed_mps": 0.0,
-                    "std_lon_m": std,
-                    "std_lat_m": std,
-                    "std_speed_mps": std,
+                    "step": step, "time_s": step * STEP_S, "track_id": number, "lon_m": lon, "lat_m": lat,
+                    "speed_mps": speed, "lat_speed_mps": 0.0, "std_lon_m": std, "std_lat_m": std, "std_speed_mps": std,
                     "state": state,
                 }
             )
-        )
+        )  # fmt: skip
         return self
 
     def tables(self):
