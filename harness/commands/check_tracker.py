@@ -8,7 +8,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 from harness.common import exit_codes
-from harness.common.streams import streams_kept
+from harness.common.streams import streams_and_depth_kept
 from harness.config.layers import merged
 from harness.config.options import Option
 from harness.trackers.catalogue import build_tracker
@@ -49,7 +49,7 @@ def command(options: Options) -> int:
     findings: dict[str, str | None] = {}
     for check in tracker_checks():
         try:
-            with streams_kept():
+            with streams_and_depth_kept():
                 check(lambda setting, given: build_tracker(options["tracker"], setting, given), own)
             findings[check.name] = None
         except TrackerCheckError as finding:

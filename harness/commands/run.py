@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import typer
 
-from harness.common.streams import streams_kept
+from harness.common.streams import streams_and_depth_kept
 from harness.config import options as shared
 from harness.config.options import RunOptions
 
@@ -58,6 +58,6 @@ def command(options: Options) -> None:
 @contextmanager
 def _only_results_on_stdout() -> Iterator[None]:
     """Send to stderr what libraries, SUMO's C++ among them, print on stdout."""
-    with streams_kept():
+    with streams_and_depth_kept():
         os.dup2(2, 1)
         yield

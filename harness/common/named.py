@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from harness.common.errors import InputError
-from harness.common.streams import streams_kept
+from harness.common.streams import streams_and_depth_kept
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -35,7 +35,7 @@ def named(registry: Catalogue[T], option: str, name: str) -> T:
     Raises:
         InputError: There is none of that name, or it can't be had.
     """
-    with streams_kept():
+    with streams_and_depth_kept():
         problem = registry.problem(name)
     if problem:
         raise InputError(f"`{option}`{problem}")

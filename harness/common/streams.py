@@ -1,4 +1,4 @@
-"""Keeps this process's standard streams while external code or a library has the floor."""
+"""Keeps this process's standard streams, and how deep calls may go, while external code or a library runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def open_missing_streams() -> None:
 
 
 @contextmanager
-def streams_kept() -> Iterator[None]:
+def streams_and_depth_kept() -> Iterator[None]:
     """Put stdout and stderr, and how deep calls may go, back as they were, whatever is done to them in the block.
 
     The block may lead their descriptors elsewhere: what was written before is flushed, and what it writes in it too.

@@ -15,7 +15,7 @@ from harness.common.error_text import first_problem, nearest, what_it_raised
 from harness.common.errors import InputError
 from harness.common.named import check_made, named, without_method
 from harness.common.signals import told_to_end
-from harness.common.streams import streams_kept
+from harness.common.streams import streams_and_depth_kept
 from harness.trackers import program
 from harness.trackers.protocol import AnyTracker, TrackerFactory, TrackerSetting
 from mmpf.options.base import Settings, fields_of
@@ -121,7 +121,7 @@ def build_tracker(
     own = isinstance(maker, str) and maker in _BUILT_IN
     try:
         # What is recorded and scored is not in the hands of others.
-        with streams_kept():
+        with streams_and_depth_kept():
             tracker = factory(setting if own else deepcopy(setting), options)
         check_made(trackers, "tracker", _name_of(maker), tracker)
     except ValidationError as error:

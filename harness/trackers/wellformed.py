@@ -15,7 +15,7 @@ from harness.common.error_text import what_it_raised
 from harness.common.errors import RunError
 from harness.common.exit_codes import INTERNAL
 from harness.common.signals import told_to_end
-from harness.common.streams import streams_kept
+from harness.common.streams import streams_and_depth_kept
 from mmpf.tracks import TRACK_STATES, Tracks
 
 MOST_TRACKS = 10_000
@@ -43,7 +43,7 @@ def blamed_on(tracker: object, when: str) -> Iterator[None]:
     """
     owner = os.getpid()
     try:
-        with streams_kept():
+        with streams_and_depth_kept():
             yield
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt | RunError) or told_to_end():

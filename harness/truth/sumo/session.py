@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
 from harness.common.errors import InputError, RunError, SumoError
-from harness.common.streams import streams_kept
+from harness.common.streams import streams_and_depth_kept
 from harness.truth.sumo.window import STDERR, SumoWindow, first_error, open_window, written
 
 FIRST_VEHICLE_WITHIN_S = 900.0
@@ -137,7 +137,7 @@ def _silent_native_streams(complaints: Path | None = None) -> Iterator[None]:
     """Keep what C++ writes off the streams; the file ``complaints`` takes what goes to standard error."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     told = nowhere if complaints is None else os.open(complaints, os.O_WRONLY | os.O_CREAT, 0o600)
-    with streams_kept():
+    with streams_and_depth_kept():
         os.dup2(nowhere, 1)
         os.dup2(told, 2)
         for descriptor in {nowhere, told}:
