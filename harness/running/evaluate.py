@@ -95,6 +95,7 @@ class Evaluation:
     writer: RunWriter | None = None
     times: StageTimes = field(default_factory=StageTimes)
     _tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    _told: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         """Prepare to record and to score."""
@@ -152,7 +153,7 @@ class Evaluation:
             truth, detections, tracks = (
                 tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
             )
-            tell_oddities(tables, self._road)
+            tell_oddities(tables, self._road, self._told)
             self._traffic.add(truth)
             tables |= self._scorer.add(truth, detections, tracks, tables.get(runfolder.UNSEEN))
         if self.writer is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,22 +35,26 @@ class Oddity(NamedTuple):
     most: float
 
 
-def tell_oddities(tables: Mapping[str, pd.DataFrame], road: Road) -> None:
-    """Write a line to stderr if truth, detections or tracks of a run, its tables by file name, are unlikely."""
+def tell_oddities(tables: Mapping[str, pd.DataFrame], road: Road, told: set[str]) -> None:
+    """Write a line to stderr if truth, detections or tracks of a run, its tables by file name, are unlikely.
+
+    Args:
+        told: What the run's earlier stretches were told of, which is not told of again; what is new is added.
+    """
     truth, detections, tracks = (tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS))
     found = [f"a vehicle {kind}" for kind in oddities(truth, road)] + odd_reports(truth, detections, tracks)
-    if found:
-        _tell("; ".join(found), float(truth["lon_m"].sum()))
-
-
-@cache
-def _tell(found: str, of: float) -> None:  # noqa: ARG001  once for one truth: a grid reads a recording many times
-    sys.stderr.write(f"warning: this is unlikely: {found}; check its units, axes, times and names, or the tracker\n")
+    if new := "; ".join(kind for kind in found if kind not in told):
+        sys.stderr.write(f"warning: this is unlikely: {new}; check its units, axes, times and names, or the tracker\n")
+    told.update(found)
 
 
 def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> list[str]:
-    """Return what is unlikely of tables of detections and tracks beside that of the truth, in words."""
-    there = cKDTree(_places(truth))
+    """Return what is unlikely of tables of detections and tracks beside that of the truth, in words.
+
+    Tracks may follow clutter, as most do at the start of a run among few vehicles.
+    """
+    of_one = detections["truth_id"] != ""
+    there = cKDTree(np.vstack([_places(truth), _places(detections[~of_one] if of_one.any() else detections[:0])]))
     of = truth.set_index(["step", "vehicle_id"])[["lon_m", "lat_m"]]
     own = of[~of.index.duplicated()].reindex(pd.MultiIndex.from_frame(detections[["step", "truth_id"]])).to_numpy()
     off_m = np.hypot(*(detections[["lon_m", "lat_m"]].to_numpy() - own).T)
@@ -104,11 +107,15 @@ def _odd_moves(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Oddity]:
 
 def _odd_places(rows: pd.DataFrame, road: Road | None) -> Iterator[Oddity]:
     pairs = cKDTree(_places(rows)).query_pairs(NEAR_M, output_type="ndarray")
-    with_ego = bool(rows["is_ego"].to_numpy(dtype=bool)[pairs].any())
+    # In sound logs a vehicle that stands is annotated twice, and riders are on what they ride.
+    moves, rides = np.abs(rows["speed_mps"]) > MOVING_MPS, rows["width_m"] < WIDTH_M[0]
+    either = [each.to_numpy(dtype=bool)[pairs].any(axis=1) for each in (rows["is_ego"], moves, rides)]
+    with_ego, in_drive = bool(either[0].any()), either[0] | either[1] & ~either[2]
     # Whoever reads logs in the plane puts none on a lane.
     mapped = road is not None and (bool(road.lanes) or (any(True for _ in road.lines()) and rows["lane"].any()))
     off_lanes = rows["lane"].to_numpy()[np.abs(rows["speed_mps"]) > MOVING_MPS] == NO_LANE
-    yield Oddity("is where another is", len(pairs) / len(rows), 0.0 if with_ego else FEW)
+    yield Oddity("is where another is", in_drive.sum() / len(rows), 0.0 if with_ego else FEW)
+    yield Oddity("stands where another is", (~in_drive).sum() / len(rows), SOME)
     yield Oddity("drives beside the lanes", _share(off_lanes), HALF if mapped else 1.0)
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import pandas as pd
 import pytest
 
-from harness.running.odd import oddities, tell_oddities
+from harness.running.odd import odd_reports, oddities, tell_oddities
 from mmpf.map.corridor_road import highway
 from tests.harness.recorded_scene import detection_table, track_table, truth_table
 
 KINDS = {
     "points": "heading_rad = 1.5", "as fast": "speed_mps = 3.6 * speed_mps", "259 km/h": "lon_m = 4 * lon_m",
-    "at once": "lon_m = lon_m + 7 * (step % 20)", "another is": "lon_m = 100 + 2 * step", "usual": "length_m = 15",
-    "its size": "length_m = 4 + (step > 30) * 3", "wider": "width_m = length_m + 0.1", "26 m": "length_m = 3000",
-    "at one moment": "vehicle_id = index", "lanes": "lane = 0",
+    "at once": "lon_m = lon_m + 7 * (step % 20)", "is where another is": "lon_m = 100 + 2 * step",
+    "usual": "length_m = 15", "its size": "length_m = 4 + (step > 30) * 3", "wider": "width_m = length_m + 0.1",
+    "26 m": "length_m = 3000",
+    "at one moment": "vehicle_id = index", "lanes": "lane = 0", "stands where another is": "lon_m = 100\nspeed_mps = 0",
 }  # fmt: skip
 
 
@@ -22,10 +24,29 @@ def test_what_no_vehicle_does_is_told_of_and_what_one_does_is_not(kind):
     assert any(kind in found for found in oddities(truth_table({}).eval(KINDS[kind]), highway()))
 
 
-def test_detections_and_tracks_in_another_frame_are_told_of_once(capsys):
+@pytest.mark.parametrize(
+    ("kind", "odd"), [("speed_mps = 0\nlon_m = 50", False), ("width_m = 0.7", False), ("speed_mps = 20", True)]
+)
+def test_a_parked_vehicle_that_is_annotated_twice_and_a_rider_are_usual(kind, odd):
+    lanes = [truth_table({name: f"{name}{lane}" for name in ("ego", "near", "far")}) for lane in range(4)]
+    one = truth_table({}).query("vehicle_id == 'near'").eval(f"lat_m = 50\n{kind}")
+    many = [rows.assign(lat_m=4 * lane) for lane, rows in enumerate(lanes)]
+    found = oddities(pd.concat([*many, one, one.assign(vehicle_id="twice")]))
+    assert any("where another is" in each for each in found) == odd
+
+
+def test_detections_and_tracks_in_another_frame_are_told_of_once_a_run(capsys):
+    told = set()
     tables = {"truth": truth_table({}), "detections": detection_table({}), "tracks": track_table()}
     for lat_m in (5.0, 25.0, 25.0):
         moved = {f"{key}.parquet": rows.assign(lat_m=lat_m) if key != "truth" else rows for key, rows in tables.items()}
-        tell_oddities(moved, highway())
+        tell_oddities(moved, highway(), told)
     (line,) = capsys.readouterr().err.splitlines()
     assert "detections are over 10 m from their vehicles; tracks are over 10 m from any" in line
+
+
+def test_tracks_that_follow_clutter_are_no_fault_of_their_frame():
+    detections, tracks = detection_table({}), track_table().assign(lat_m=25.0)
+    assert odd_reports(truth_table({}), detections, tracks)
+    clutter = tracks.assign(truth_id="")
+    assert not odd_reports(truth_table({}), pd.concat([detections, clutter]), tracks)
