@@ -25,6 +25,7 @@ from harness.closedloop.episode_start import EpisodeStart, episode_starts
 from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import LiveTraffic
 from harness.common.errors import InputError, RunError
+from harness.common.files import full_disk
 from harness.common.isolation import DIES_WITH_PARENT, ProcessLimits, streamed
 from harness.grid.cells import Cell, failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Message, Report, Started, serve
@@ -64,9 +65,9 @@ def work_on_cell(cell: Cell, report: Report) -> None:
                 report(message)
                 if isinstance(message, Finished):
                     left.pop(message.key, None)
-    except (InputError, RunError) as error:
+    except (InputError, RunError, OSError) as error:
         for run in left.values():
-            report(Finished(run.key, failed_row(run, str(error), perf_counter() - begin)))
+            report(Finished(run.key, failed_row(run, str(error), perf_counter() - begin, error)))
         report(CellDone())
 
 
@@ -85,7 +86,7 @@ def _work_on(cell: Cell, report: Callable[[Any], None], on_step: Callable[[], No
                     del left[run.key]
     except Exception as error:
         for run in left.values():
-            report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
+            report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin, error)))
     report(CellDone())
 
 
@@ -129,7 +130,7 @@ def in_fork(work: Callable[[], T]) -> T:
         raise RunError(f"the fork that drove it died (exit code {status})")
     succeeded, result = pickle.loads(answer)
     if not succeeded:
-        raise RunError(result)
+        raise RunError(result[0]) from result[1]
     return cast("T", result)
 
 
@@ -148,7 +149,7 @@ def _answer(work: Callable[[], object], reading: int, writing: int) -> None:
         try:
             answer = pickle.dumps((True, work()))
         except Exception as error:
-            answer = pickle.dumps((False, _reason(error)))
+            answer = pickle.dumps((False, (_reason(error), full_disk(error))))
         with os.fdopen(writing, "wb") as pipe:
             pipe.write(answer)
         code = 0
@@ -177,7 +178,7 @@ def _driven(traffic: LiveTraffic, at: EpisodeStart, run: PlannedDrive, keep_in: 
         # What took how long would make every table another.
         return finished_row(run, result.table, 0.0) | {"total_s": None}
     except Exception as error:
-        return failed_row(run, _reason(error), perf_counter() - begin)
+        return failed_row(run, _reason(error), perf_counter() - begin, error)
 
 
 def _no_candidate(run: PlannedDrive) -> Row:

@@ -58,6 +58,13 @@ def writing(parameter: str, path: Path) -> Iterator[None]:
         raise (RunError if error.errno in NO_ROOM else InputError)(told) from None
 
 
+def full_disk(error: BaseException | None) -> OSError | None:
+    """Return the system's refusal for want of room on a disk that an error is, or that led to it; None if none did."""
+    while error is not None and not (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):
+        error = error.__cause__ or error.__context__
+    return None if error is None else OSError(error.errno, error.strerror)
+
+
 def temporary_of(final: Path) -> Path:
     """Return where ``replacing`` lets a file be written first."""
     return final.with_name(f".{final.name}.{os.getpid()}{TEMPORARY}")

@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from harness.common.files import full_disk
 from harness.config.layers import leaves
 from harness.config.model import DEFAULT_TRACKER, RunConfig, TrackerConfig, TrafficConfig
 from harness.config.options import keys_of_options
@@ -29,6 +30,7 @@ from harness.storage.schema import (
     SEED,
 )
 
+FULL_DISK = "full_disk_errno"
 CellTraffic = tuple[TrafficConfig, int, str | None]
 """Settings of traffic, its seed and its recording: cells that agree in them see the same vehicles."""
 
@@ -156,9 +158,10 @@ def finished_row(run: PlannedRun, metrics: Mapping[str, Any], total_s: float) ->
     return {**run.identity(), "succeeded": True, "error": None, "total_s": total_s, **flattened(scores)}
 
 
-def failed_row(run: PlannedRun, error: str, total_s: float) -> Row:
-    """Return the row of a run that did not."""
-    return {**run.identity(), "succeeded": False, "error": " ".join(error.split()), "total_s": total_s}
+def failed_row(run: PlannedRun, error: str, total_s: float, cause: Exception | None = None) -> Row:
+    """Return the row of a run that did not; where a full disk is the cause, it says so and is not to be kept."""
+    row = {**run.identity(), "succeeded": False, "error": " ".join(error.split()), "total_s": total_s}
+    return row if (full := full_disk(cause)) is None else row | {FULL_DISK: full.errno}
 
 
 def assemble(grid: GridPlan, rows: Mapping[str, Row]) -> pd.DataFrame:

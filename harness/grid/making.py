@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from errno import ENOSPC
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +15,7 @@ from harness.common.errors import RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
-from harness.grid.cells import Cell, GridPlan, distinct_trackers
+from harness.grid.cells import FULL_DISK, Cell, GridPlan, distinct_trackers
 from harness.grid.pool import OnRow
 from harness.running.provenance import model_files, other_code, own_code, provenance_of
 from harness.storage import ownership
@@ -123,8 +121,8 @@ def make_rows(
         with progress_bar(title, left, user.quiet, before=f"{title}: loading, warming up traffic") as advance:
 
             def keep(key: str, row: Row) -> None:
-                if os.strerror(ENOSPC) in str(row["error"]):  # its row may find room, but tells nothing of the run
-                    raise OSError(ENOSPC, row["error"])
+                if FULL_DISK in row:  # the row may find room, but tells nothing of the run
+                    raise OSError(row[FULL_DISK], row["error"])
                 write_row(rows_folder, key, without_nan(row))
                 done[key] = row
                 advance()

@@ -87,7 +87,7 @@ def work_on_cell(cell: Cell, report: Report, open_snapshots: OpenSnapshots = ope
         coasting = coasting_errors(snapshots, cell.config.seed)
     except Exception as error:
         for run in cell.runs:
-            report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin)))
+            report(Finished(run.key, failed_row(run, _reason(error), perf_counter() - begin, error)))
     else:
         for run in cell.runs:
             report(Started(RUN, run.key))
@@ -117,7 +117,7 @@ def _run_over(
             write_run(keep_in / run.key, evaluated, metrics, run.config, command_of(run.config))
         return finished_row(run, metrics, total_s)
     except Exception as error:
-        return failed_row(run, _reason(error), perf_counter() - begin)
+        return failed_row(run, _reason(error), perf_counter() - begin, error)
 
 
 def _reason(error: Exception) -> str:

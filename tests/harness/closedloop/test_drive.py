@@ -1,7 +1,9 @@
 """Whole closed loops: the same beginning for every belief and the same bytes again."""
 
+import errno
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,6 +14,7 @@ from harness.closedloop.episode import run_episode
 from harness.closedloop.episode_start import EpisodeStart
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, STOPPED, DriveRequest, plan_drives
 from harness.commands.actions.make_drives import make_drives
+from harness.common import files
 from harness.common.errors import InputError, RunError
 from harness.decisions.drivers.protocol import Command
 from harness.grid.worker import Finished
@@ -95,6 +98,10 @@ def test_what_a_fork_does_is_seen_by_nobody_and_what_it_returns_comes_back():
 def test_a_fork_that_fails_says_why_and_one_that_dies_says_that():
     with pytest.raises(RunError, match="ZeroDivisionError"):
         worker.in_fork(lambda: 1 / 0)
+    with pytest.raises(RunError) as full:
+        worker.in_fork(lambda: files.write_text(Path("/dev/full"), "no room"))
+    assert files.full_disk(full.value).errno == errno.ENOSPC
+    assert files.full_disk(RunError(str(full.value))) is None
     with pytest.raises(RunError, match=r"died \(exit code -9\)"):
         worker.in_fork(lambda: __import__("os").kill(__import__("os").getpid(), 9))
 

@@ -35,7 +35,7 @@ class InProcess:
 class MadeUp:
     """Runs nothing: every run ends at once, those of one key badly; notes the order of the cells."""
 
-    def __init__(self, bad: str = "", stop_after: int = 1000, why: str = "it broke") -> None:
+    def __init__(self, bad: str = "", stop_after: int = 1000, why: Exception | None = None) -> None:
         self.bad, self.left, self.why, self.cells, self.rows = bad, stop_after, why, [], 0
 
     def __call__(self, cells, on_row) -> None:
@@ -45,7 +45,7 @@ class MadeUp:
                 raise KeyboardInterrupt
             self.left, self.rows = self.left - 1, self.rows + 1
             broke = run.key == self.bad
-            on_row(run.key, failed_row(run, self.why, 1.5) if broke else finished_row(run, METRICS, 2.5))
+            on_row(run.key, failed_row(run, "it broke", 1.5, self.why) if broke else finished_row(run, METRICS, 2.5))
 
 
 def is_timing(column: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import shutil
@@ -269,7 +270,7 @@ def test_a_grid_whose_disk_fills_ends_in_one_line_and_is_taken_up_as_if_it_had_n
 
 
 def test_a_run_that_met_a_full_disk_is_none_that_failed_but_one_to_make_again(whole, tmp_path):
-    full = MadeUp(plan_grid(REQUEST).runs[3].key, why="OSError: [Errno 28] No space left on device: 'tracks.parquet'")
+    full = MadeUp(plan_grid(REQUEST).runs[3].key, why=OSError(errno.ENOSPC, "", "tracks.parquet"))
     with pytest.raises(RunError, match=r"can't continue \(No space left on device\); \d of 8 runs are kept.*`resume`"):
         grid(tmp_path / "grid", execute=full)
     pd.testing.assert_frame_equal(table_of(grid(tmp_path / "grid", resume=True).folder), table_of(whole))
