@@ -8,8 +8,8 @@ import pandas as pd
 from harness.common.effects import Effect, paired_effect
 from harness.scoring.metrics.quantity import Quantity
 
-MOST_SETTINGS = 2
-"""Of more settings the least and the largest lead are told."""
+MOST_SETTINGS, FEWEST = 2, 3
+"""Of more settings the least and the largest lead are told; nobody is ahead in fewer seeds, or settings of one."""
 
 
 def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
@@ -37,9 +37,11 @@ def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
     parts = [f"{by_setting[name]:.{quantity.decimals}f} at {name}" for name in (shown[0], shown[-1])]
     between = "from {} to {}" if len(by_setting) > MOST_SETTINGS else "{}, {}"
     told = f" ({between.format(*parts)})" if len(by_setting) > 1 else f" at {shown[0]}"
-    ahead = "is ahead of" if overall.ci95[0] > 0.0 else "is not clearly ahead of"
+    seeds = pairs.index.get_level_values("seed").nunique()
+    enough = (seeds if seeds > 1 else len(by_setting)) >= FEWEST
+    ahead = "is ahead of" if overall.ci95[0] > 0.0 and enough else "is not clearly ahead of"
     measure = quantity.label.rpartition(", ")[0]
-    return f"In {measure}, {ranked[0]} {ahead} {ranked[1]}: {_in_words(overall, quantity)}{told}."
+    return f"In {measure}, {ranked[0]} {ahead} {ranked[1]}: {_in_words(overall, quantity, seeds)}{told}."
 
 
 def _lead(pairs: pd.DataFrame) -> Effect:
@@ -49,8 +51,9 @@ def _lead(pairs: pd.DataFrame) -> Effect:
     return paired_effect(second, first, setting, seed if seed.any() else np.arange(len(pairs)))
 
 
-def _in_words(lead: Effect, quantity: Quantity) -> str:
+def _in_words(lead: Effect, quantity: Quantity, seeds: int) -> str:
     size, low, high = (f"{value:.{quantity.decimals}f}" for value in (lead.difference, *lead.ci95))
-    interval = f"95 % interval {low} to {high}" if np.isfinite(lead.se) else "one seed"
+    over = f" over {seeds} seeds" if seeds > 1 else ""
+    interval = f"95 % interval {low} to {high}{over}" if np.isfinite(lead.se) else "one seed"
     unit = quantity.label.rpartition(", ")[2].replace("%", "percentage points")
     return f"by {size} {unit}, {interval}"

@@ -63,6 +63,8 @@ KINDS = tuple(_CONVERT)
 class Chart:
     """A chart: its title with the unit, what it shows for those who do not see it, and its Vega-Lite specification.
 
+    ``better`` says which values are better, where that is so.
+
     Rows whose field ``cells`` is a list of numbers lead to these cells of the page's grid when clicked, rows with a
     field ``at`` to that moment of its replay.
     """
@@ -70,6 +72,7 @@ class Chart:
     title: str
     description: str
     spec: Spec
+    better: str = ""
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,7 @@ def curves(
     tooltip: Sequence[tuple[str, str]],
     limit: tuple[float, str] | None = None,
     marks: Sequence[tuple[float, str]] = (),
+    better: str = "",
 ) -> Chart:
     """Return a chart of one line for each series with the band of its interval; points where the axis is categorical.
 
@@ -144,7 +148,7 @@ def curves(
     layers.append({"mark": {"type": "point", "filled": True, "size": 40}, "encoding": dot})
     hit: Spec = {"type": "point", "filled": True, "size": HIT_AREA, "opacity": 0, "cursor": "pointer"}
     layers.append({"mark": hit, "encoding": {**common, "y": mean, "tooltip": tooltip_of(*tooltip)}})
-    return Chart(title, description, spec_of(description, rows, layers))
+    return Chart(title, description, spec_of(description, rows, layers), better)
 
 
 def _limited(limit: tuple[float, str] | None, y: Spec) -> list[Spec]:
@@ -209,7 +213,8 @@ def draw_charts(group: Charts, title: str, path: Path) -> None:
     panels = [
         {name: value for name, value in chart.spec.items() if name not in own}
         | {"layer": [layer for layer in chart.spec["layer"] if layer["mark"].get("opacity") != 0]}
-        | {"title": {"text": chart.title, "anchor": "start", "fontSize": 12}, "width": PANEL_WIDTH_PX}
+        | {"title": {"text": chart.title, "subtitle": chart.better or None, "anchor": "start", "fontSize": 12}}
+        | {"width": PANEL_WIDTH_PX}
         for chart in group.charts
     ]
     spec: Spec = {

@@ -246,7 +246,8 @@ class RunConfig(_Strict):
         )
         if traffic.recording is not None and self.replay is not None:
             road = "" if traffic.net == "recording" else f" on {traffic.net}"
-            where = f"recording {Path(self.replay).stem}{road}, seen from vehicle {traffic.recording.ego}"
+            where = f"recording {Path(self.replay).stem}{road}"
+            where += "" if traffic.recording.ego in ("auto", "ego") else f", seen from vehicle {traffic.recording.ego}"
         else:
             where = f"traffic on {traffic.net}" + (f", {demand}" if demand else "")
             where += f", {traffic.broken_down} broken down" if traffic.broken_down else ""

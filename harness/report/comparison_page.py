@@ -34,7 +34,7 @@ from harness.storage.tables import floats
 UNFOLLOWED, SWITCHED, FARTHER = range(3)
 """Kinds of marks: the other alone follows the vehicle; its identity was switched; it is followed from farther off."""
 FARTHER_M = 1.0
-SWITCH_SHOWN_S = 1.0
+SWITCH_SHOWN_S, WATCHED_S = 1.0, 4.0
 MARK_COLUMNS = ("step", "vehicle_id", "kind", "side")
 DETECTED = ["step", "lon_m", "lat_m"]
 COMPARE = "compare"
@@ -69,6 +69,9 @@ def largest_difference(marks: pd.DataFrame, truth: pd.DataFrame) -> tuple[float,
     """Return the time at which the two trackers differ for most vehicles, and one of these; None if they never do."""
     if not len(marks):
         return None
+    times = truth.drop_duplicates("step").set_index("step")["time_s"]
+    early = marks[marks["step"].map(times) <= times.max() - WATCHED_S]
+    marks = early if len(early) else marks  # at the end there is nothing left to watch
     step = marks["step"].value_counts(sort=False).idxmax()
     time_s = floats(truth[truth["step"] == step], "time_s")[0]
     return float(time_s), str(marks.loc[marks["step"] == step, "vehicle_id"].iloc[0])
@@ -237,13 +240,14 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
         "axis": {
             "values": [tick for tick in TICKS if abs(tick) <= reach],
             "labelExpr": ZERO_PLAIN,
-            "labelOverlap": True,
+            "labelOverlap": "greedy",
+            "labelSeparation": 6,
         },
     }
     # Names stand above their rows, so that the plot keeps its width on a small screen.
     axis: Spec = {
-        "title": None, "labelLimit": 0, "grid": False, "ticks": False, "domain": False, "labelAlign": "left",
-        "labelPadding": -4, "labelOffset": -11,
+        "title": None, "labelLimit": {"expr": "width"}, "grid": False, "ticks": False, "domain": False,
+        "labelAlign": "left", "labelPadding": -4, "labelOffset": -11,
     }  # fmt: skip
     y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
     shade: Spec = {"color": colour_by("verdict", lines), "opacity": strength("verdict")}

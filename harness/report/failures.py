@@ -94,7 +94,7 @@ def withheld_vehicles(run: RecordedRun) -> Iterator[Failure]:
 def withheld_sentence(entry: Mapping[str, Any], length_m: float) -> str:
     """Return a sentence on a vehicle in plain view without a track; its length is nan where it is not known."""
     kind = "two-wheeler" if length_m <= TWO_WHEELER_M else "lorry" if length_m >= LORRY_M else "car"
-    before = "had a track before that" if entry["kind"] == DROPPED else "never had a track"
+    before = "had a track before that" if entry["kind"] == DROPPED else "never had a track in plain view"
     return (
         f"A {kind} in plain view at {entry['closest_m']:.0f} m had no track for {entry['without_track_s']:.1f} s; "
         f"it was detected in {entry['detected_percent']:.0f} % of these scans. It is {entry['id']}, and {before}."

@@ -17,7 +17,7 @@ from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.tables import floats
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "detected in the last 10 s"))
-POSITION_COLUMN = ("position_m", "position m")
+POSITION_COLUMN = ("position_m", "position, m")
 
 
 def html_table(headings: Sequence[str | Markup], rows: Sequence[Sequence[str | Markup]]) -> Markup:
@@ -62,9 +62,10 @@ def hidden_table(mae: Mapping[str, Any]) -> Markup:
             number(row.get("hidden_n"), 0),
         ]
         for row in mae["by_seconds_hidden"]
+        if row.get("hidden_n") != 0
     ]
     fates = ("own track", "track lost", "track on another", "never had one")
-    return html_table(["not detected for", "lon m", "lat m", "speed m/s", *fates, "vehicle-steps"], rows)
+    return html_table(["not detected for", "lon, m", "lat, m", "speed, m/s", *fates, "vehicle-steps"], rows)
 
 
 def mot_table(metrics: Mapping[str, Any]) -> Markup:
@@ -72,7 +73,8 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
     columns = mot_columns()
     rows = [[name, *(mot_value(metrics, key, column) for column in columns)] for key, name in MOT_ROWS]
     table, others = html_table(["vehicles", *(column.heading for column in columns)], rows), other_scores(metrics)
-    return table + html_table(["score", "value", "better", "samples"], others) if others else table
+    next_box = Markup("</div>\n<div class='scroll'>")
+    return table + next_box + html_table(["score", "value", "better", "samples"], others) if others else table
 
 
 def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
@@ -83,8 +85,8 @@ def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
 MOST_ROWS = 300
 HIDDEN = "hidden"
 HEADINGS = (
-    "vehicle", "not hidden s", "hidden s", "followed while not hidden %", "error while not hidden m",
-    "own track while hidden %", "error while hidden m", "hidden cost by identity m", "lost when detected again",
+    "vehicle", "not hidden, s", "hidden, s", "followed while not hidden, %", "error while not hidden, m",
+    "own track while hidden, %", "error while hidden, m", "hidden cost by identity, m", "lost when detected again",
 )  # fmt: skip
 
 

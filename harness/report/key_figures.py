@@ -19,6 +19,10 @@ from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, turned
 
 HEADINGS = ("", "this run", "perfect", "to compare with")
+UNKNOWN = number(None, 0)
+"""The value of what this run did not measure, which is not shown."""
+SCORE, FEWEST_KM = "harness score", 0.1
+"""The command that scores a log, of which no computing times are known; of a shorter drive nothing is told per km."""
 STATE = ["lon_m", "lat_m", "speed_mps", "lat_speed_mps", "heading_rad"]
 
 
@@ -47,8 +51,9 @@ class KeyFigure:
 def key_table(figures: Sequence[KeyFigure]) -> Markup:
     """Return the table of the figures."""
     rows = [
-        [each.name + below(each.note), each.value + below(each.interval, each.detail), each.perfect, each.reference]
+        [each.name + below(each.note), each.value + below(each.detail, each.interval), each.perfect, each.reference]
         for each in figures
+        if each.value != UNKNOWN
     ]
     return html_table(HEADINGS, rows)
 
@@ -64,9 +69,13 @@ def key_figures(run: RecordedRun) -> list[KeyFigure]:
     told = "constant velocity from the true state when last detected"
     coverage = metrics["calibration"]
     samples, within = coverage.get("n") or 0, number(coverage["coverage95"]["lon"], 0, " %")
+    within = "too few samples" if 0 < samples < FEWEST_SAMPLES else within
+    noise_m = np.hypot(noise["lon_m"], noise["lat_m"]) if noise.get("n") else 0.0
+    is_log = run.manifest["command"].startswith(SCORE)
     return [
         KeyFigure(
-            "Error of hidden vehicles, 10 m if lost", "mean over all that were detected before",
+            "Error of hidden vehicles, 10 m if lost",
+            "mean over all that were detected before; called hidden cost in tables",
             number(hidden.get("hidden_cost_m"), 2, " m"), _between(hidden.get("hidden_cost_m_ci95"), " m"),
             perfect="0 m", reference=f"{coasting_m.mean():.2f} m: {told}" if len(coasting_m) else "", at_top=True,
         ),
@@ -97,7 +106,7 @@ def key_figures(run: RecordedRun) -> list[KeyFigure]:
             "Position error of visible vehicles", "while a track follows them",
             number(mae["visible"].get("position_m"), 2, " m"), _between(mae["visible"].get("position_m_ci95"), " m"),
             perfect="0 m",
-            reference=f"{np.hypot(noise['lon_m'], noise['lat_m']):.2f} m: detections" if noise.get("n") else "",
+            reference=f"{noise_m:.2f} m: detections" if noise_m else "",
         ),
         KeyFigure(
             "Identity switches in sight", "a vehicle's track is replaced by another", number(mot["id_switches"], 0),
@@ -106,11 +115,11 @@ def key_figures(run: RecordedRun) -> list[KeyFigure]:
         KeyFigure(
             "True position within the track's 95 % interval",
             "along the road, all vehicles; lower: the tracker is too sure, higher: too unsure",
-            within if samples >= FEWEST_SAMPLES else "too few samples", detail=f"n = {samples} vehicle-steps",
-            perfect="95 %",
+            within, detail=f"n = {samples} vehicle-steps", perfect="95 %",
         ),
         KeyFigure(
-            "Computing time of a step", "median, on the machine named below", number(step_ms["p50"], 0, " ms"),
+            "Computing time of a step", "median, on the machine named below",
+            UNKNOWN if is_log else number(step_ms["p50"], 0, " ms"),
             detail=f"99 % within {number(step_ms['p99'], 0, ' ms')}",
             reference=f"{1000.0 * run.step_s:.0f} ms: real time",
         ),
@@ -130,13 +139,13 @@ def _brakings(run: RecordedRun) -> list[KeyFigure]:
         KeyFigure(
             "Missed brakings", "a driver brakes for the true vehicles, but not for the tracks",
             f"{missed} of {needed}" if needed else "no case", interval,
-            f"{number(decisions['missed_per_km'], 2)} per km{few and f'; {few}'}" if needed else f"in {km:.2f} km",
-            "0", at_top=True,
+            f"in {km:.2f} km" + (f"; {few}" if needed and few else ""), "0", at_top=True,
         ),
         KeyFigure(
             "Phantom brakings", "the driver brakes for the tracks, but not for the true vehicles", str(phantom),
-            f"{least / km:.1f} to {most / km:.1f} per km" if km else "",
-            f"{number(decisions['phantom_per_km'], 2)} per km driven, in {km:.2f} km", "0", at_top=True,
+            f"{least / km:.1f} to {most / km:.1f} per km" if km >= FEWEST_KM else "",
+            f"in {km:.2f} km" + (f": {number(decisions['phantom_per_km'], 2)} per km" if km >= FEWEST_KM else ""),
+            "0", at_top=True,
         ),
     ]  # fmt: skip
 

@@ -126,8 +126,9 @@ def replay_parts(
     runs = (run,) if beside is None else (run, beside.run)
     return {
         "sides": sides,
+        "differ": beside is not None and beside.opens_at is not None,
         "has_particles": any(each.particles is not None for each in runs),
-        "has_unseen": any(each.unseen is not None for each in runs),
+        "has_unseen": any(each.unseen is not None and len(each.unseen) for each in runs),
         "replay_json": _script_json(replay_data(run, beside)),
         "script": Markup("\n".join(_template_text(name) for name in SCRIPTS)),
     }

@@ -95,7 +95,8 @@ def diagnostics_charts(diagnostics: pd.DataFrame) -> Charts:
         for title, rows in (*shown, ("Events a second, without the first scan", rates))
         if rows
     ]  # fmt: skip
-    return Charts(tuple(charts), lines, f"Means over {width_s:g} s; bands from the least to the greatest step.", HINT)
+    note = f"Means over {width_s:g} s; bands from the least to the greatest step."
+    return Charts(tuple(charts), lines[1:], note, HINT)  # levels have charts of one line each, which need no legend
 
 
 def _new_egos(steps: pd.DataFrame) -> list[tuple[float, str]]:

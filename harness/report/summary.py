@@ -19,7 +19,9 @@ from harness.scoring.metrics.registry import view
 from harness.truth.network.network import NetworkDescription
 
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
-MAE_COLUMNS = (("lon_m", "lon m"), ("lat_m", "lat m"), ("speed_mps", "speed m/s"), ("lat_speed_mps", "lat speed m/s"))
+MAE_COLUMNS = (
+    ("lon_m", "lon, m"), ("lat_m", "lat, m"), ("speed_mps", "speed, m/s"), ("lat_speed_mps", "lat speed, m/s"),
+)  # fmt: skip
 MOT = "mot."
 BESIDE = ("in_plain_view.recall", "in_plain_view.worst_tenth")
 """What stands beside the multi-object scores of the vehicles in sight."""
@@ -125,7 +127,7 @@ def _table(title: str, first: str, *others: str) -> Table:
 
 
 def _error_table(mae: Mapping[str, Any]) -> Table:
-    title = "Mean absolute error while followed (share of vehicle-steps), by visibility"
+    title = "Mean absolute error while followed (share of vehicle-steps), along (lon) and across (lat) the road"
     table = _table(title, "vehicles", *(heading for _, heading in MAE_COLUMNS), "followed")
     for key, name in VISIBILITY_ROWS:
         row = mae[key]
@@ -159,10 +161,10 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"{elsewhere:.0f} a track elsewhere"
     )
     road = (
-        f"Traffic: {number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, "
-        f"{number(traffic['flow_veh_per_h'], 0)} veh/h, {number(traffic['mean_speed_mps'], 1)} m/s, "
-        f"{number(traffic['vehicles_in_range'], 1)} in range"
+        f"{number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, {number(traffic['flow_veh_per_h'], 0)} veh/h, "
+        f"{number(traffic['mean_speed_mps'], 1)} m/s, "
     )
+    road = f"Traffic: {road if traffic['flow_veh_per_h'] else ''}{number(traffic['vehicles_in_range'], 1)} in range"
     speed = (
         f"Time: {timing['steps']} steps of traffic, sensor and tracker {number(timing['realtime_factor'], 1)} times as "
         f"fast as real time, the tracker {number(timing['tracker_ms']['p50'], 1)} ms a step; "

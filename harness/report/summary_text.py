@@ -17,31 +17,22 @@ HONEST_COVERAGE = (
 )
 FEWEST_EVENTS, FEWEST_SAMPLES = 5, 100
 """Of fewer occlusions, or fewer vehicle-steps, nothing is said."""
-WHY_MISSED = {
-    "none": "for a vehicle that never had a track",
-    "lost": "for a vehicle whose track was lost",
-    "displaced": "for a vehicle whose track was in another place or moved otherwise",
-    "hijacked": "for a vehicle whose track was on another one",
-}
 
 
 def setting_sentence(metrics: Metrics) -> str:
-    """Return what was tracked by what, where and for how long."""
+    """Return what was tracked by what, and where."""
     run, traffic = metrics["run"], metrics["traffic"]
     tracker = f"The tracker {run['tracker']}" + (f" with the motion model {run['model']}" if run.get("model") else "")
-    text = (
-        f"{tracker} follows the traffic of {traffic_source(metrics)} for {run['duration_s']:g} s, with the "
-        f"{run['sensor']} of one car, the ego."
-    )
+    sensor = f"the sensor {run['sensor']} of one car, the ego"
+    text = f"{tracker} follows the traffic of {traffic_source(metrics)}, with {sensor}."
     density, in_range = traffic["density_veh_per_km_lane"], traffic["vehicles_in_range"]
-    if density is None or in_range is None:
+    if in_range is None:
         return text
     share = metrics.get("coverage", {}).get("hidden_percent")
     hidden = f", and {share:.0f} % of them are hidden" if share is not None else ""
-    return (
-        f"{text} There are {density:.0f} vehicles per km and lane at {number(traffic['mean_speed_mps'], 0)} m/s; "
-        f"{in_range:.0f} are within the sensor's range at a time{hidden}."
-    )
+    # A recording without lanes has no density.
+    road = f"there are {density:.0f} vehicles per km and lane at {number(traffic['mean_speed_mps'], 0)} m/s; "
+    return f"{text} On average, {road if density else ''}{in_range:.0f} vehicles are within its range{hidden}."
 
 
 def traffic_source(metrics: Metrics) -> str:
@@ -54,20 +45,8 @@ def traffic_source(metrics: Metrics) -> str:
 
 def summary_sentences(metrics: Metrics) -> list[str]:
     """Return the run's result as a few sentences; what was not measured is not mentioned."""
-    parts = (_in_plain_view, _hidden, _occlusions, _trust, decision_sentence)
+    parts = (_hidden, _occlusions, _trust)
     return [sentence for part in parts if (sentence := part(metrics))]
-
-
-def _in_plain_view(metrics: Metrics) -> str:
-    plain = metrics.get("in_plain_view") or {}
-    if plain.get("recall") is None:
-        return ""
-    worst = "" if plain["worst_tenth"] is None else f" ({plain['worst_tenth']:.0f} % for the worst tenth of them)"
-    return (
-        f"Vehicles in plain view within 60 m had a track {plain['recall']:.1f} % of the time{worst}. "
-        f"{out_of(str(plain['never_reported']), plain.get('vehicles_n'))} vehicles never got a track. Tracks were lost "
-        f"in plain view {_times(plain['dropped'])}."
-    )
 
 
 def _hidden(metrics: Metrics) -> str:
@@ -152,21 +131,14 @@ def decision_summary(metrics: Metrics) -> str:
     decisions = decided(metrics)
     if not decisions:
         return ""
-    driver = metrics["run"].get("driver", "")
-    fates = [f"{count} {WHY_MISSED[fate]}" for fate, count in decisions["missed_by"].items() if count]
-    missed = _missed(decisions) + (f" ({', '.join(fates)})" if fates else "")
-    ghosts = decisions["phantom_by"]["ghost"]
-    phantom = _none(decisions["phantom"], "phantom braking")
-    phantom += f" ({ghosts} for a track that follows no vehicle)" if ghosts else ""
-    late = decisions["lateness_s"]
-    starts = f"In {_none(decisions['onsets'], 'case')} in which it had to brake, it would have begun"
-    lateness = "" if late is None else f" {starts} {late:.1f} s late on average."
+    driver, late = metrics["run"].get("driver", ""), decisions["lateness_s"]
+    starts = f" In {_none(decisions['onsets'], 'case')} in which it had to brake, it would have begun"
     return (
-        f"At each step, a driver model ({driver}) chooses the ego's acceleration, once from the truth and once from "
-        f"the tracks. The ego does not follow it. On {decisions['km']:.2f} km, this driver {missed}, and had "
-        f"{phantom}. Missed: for half a second or longer, it chooses -2 m/s² or less from the truth, and more than -1 "
-        "m/s² from the tracks. Phantom: the reverse. The two accelerations differ by "
-        f"{decisions['accel_difference_mps2']:.2f} m/s² on average.{lateness}"
+        f"{decision_sentence(metrics)}{'' if late is None else f'{starts} {late:.1f} s late on average.'} "
+        f"At each step, the driver model {driver} chooses the ego's acceleration once from the truth and once from the "
+        "tracks; the ego does not follow it. A braking is missed if, for half a second or longer, it is -2 m/s² or "
+        "less from the truth and more than -1 m/s² from the tracks; phantom is the reverse. The two accelerations "
+        f"differ by {decisions['accel_difference_mps2']:.2f} m/s² on average."
     )
 
 

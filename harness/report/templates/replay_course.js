@@ -10,7 +10,7 @@ function courseOf(vehicle, data) {
   let detected = false;
   return data.time_s.map((time, step) => {
     const row = rowOf(vehicle, step);
-    if (row < 0) return { step, time, state: FAR, visible: 0, value: NaN, gap: "far away" };
+    if (row < 0) return { step, time, state: FAR, visible: 0, value: NaN, gap: "not on record" };
     detected = (detected && data.episode[step] === data.episode[step - 1]) || t.outcome[row] > 0;
     const gap = t.outcome[row] ? NO_TRACK : detected ? "not detected for 10 s" : "not detected yet";
     return { step, time, state: t.state[row], visible: t.visible[row], value: plotted(row, step, data),
@@ -201,7 +201,7 @@ function describe() {
 }
 
 function describeVehicle(name, row) {
-  if (row < 0) return `${name}: far away at this time.`;
+  if (row < 0) return `${name}: not on record at this time: it is too far away, or not there.`;
   const t = data.truth, parts = [`${name}: ${(t.speed[row] / 10).toFixed(1)} m/s`];
   if (t.ego[row]) return `${name}: the ego, the car that carries the sensor, ${(t.speed[row] / 10).toFixed(1)} m/s.`;
   parts.push(t.state[row] < HIDDEN ? `${STATES[t.state[row]]} (${t.visible[row]} % of it)` : STATES[t.state[row]]);

@@ -85,6 +85,7 @@ function ribbon(camera, line, moreM) {
 }
 
 function clipToRoad(pen, camera) {
+  if (![road.lines || [], road.ramps, road.lanes].some((parts) => parts.length)) return; // no lanes: the whole plane
   pen.beginPath();
   for (const line of road.lines || []) {
     const [left, right] = ribbon(camera, line, 1.2);
@@ -361,21 +362,21 @@ function drawFollowed(pen, camera) {
   pen.strokeStyle = "#000000";
   pen.lineWidth = 2.5;
   pen.stroke();
-  const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]);
+  const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]), name = data.vehicles.names[view.followed];
   const away = 1.1 * camera.scale + 18, below = y + away < camera.height - 4;
-  write(pen, data.vehicles.names[view.followed], x, below ? y + away : y - away - 8, "#000000", "bold ", "13px");
+  // Names of recordings may be longer than what they name is wide; the line below the picture has them in full.
+  write(pen, name.length > 16 ? `${name.slice(0, 8)}…` : name, x, below ? y + away : y - away - 8, "#000000", "bold ", "13px");
 }
 
 function drawScale(pen, camera) {
   const y = camera.height - 10, long = [50, 20, 10, 5].find((m) => m * camera.scale < 0.3 * camera.width) || 5;
-  pen.fillStyle = "#444444";
-  pen.fillRect(12, y, long * camera.scale, 2);
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "left";
-  pen.lineWidth = 3;
-  pen.strokeStyle = "rgba(255,255,255,0.9)";
   const text = road.lines ? `${long} m, north is up` : `${long} m, driving direction →`;
-  pen.strokeText(text, 12, y - 5);
+  pen.fillStyle = "rgba(255,255,255,0.9)"; // no line of the road or of a vehicle's way crosses the words
+  pen.fillRect(8, y - 18, Math.max(long * camera.scale, pen.measureText(text).width) + 8, 23);
+  pen.fillStyle = "#444444";
+  pen.fillRect(12, y, long * camera.scale, 2);
   pen.fillText(text, 12, y - 5);
 }
 

@@ -61,6 +61,8 @@ def test_the_replay_opens_when_the_trackers_differ_for_most_vehicles():
     marks = pd.DataFrame({"step": [30, 40, 40], "vehicle_id": ["one", "two", "three"]})
     assert largest_difference(marks, truth) == (4.0, "two")
     assert largest_difference(marks[:0], truth) is None
+    at_the_end = truth.assign(time_s=[3.0, 9.0, 9.0])
+    assert largest_difference(marks, at_the_end) == (3.0, "one"), "what is left to watch is too short"
 
 
 def test_both_trackers_share_what_happened_on_the_road(runs):
