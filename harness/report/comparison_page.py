@@ -178,7 +178,7 @@ COLOURS = (
 IN_WORDS = {UNTESTED: "described, not tested"}
 LINEAR_PERCENT = 3.0
 """Up to this the scale is even; beyond, equal ratios take equal lengths."""
-TICKS = [-1000, -300, -100, -30, -10, -3, -1, 0, 1, 3, 10, 30, 100, 300, 1000]
+TICKS = [-1000, -100, -10, -3, 0, 3, 10, 100, 1000]
 LEAST_CHANGE, MOST_CHANGE = 5.0, 2000.0
 ZERO_PLAIN = "datum.value == 0 ? '0' : format(datum.value, '+,d')"
 ROW_PX, FRAME_PX = 36, 60
@@ -241,7 +241,7 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
             "values": [tick for tick in TICKS if abs(tick) <= reach],
             "labelExpr": ZERO_PLAIN,
             "labelOverlap": "greedy",
-            "labelSeparation": 6,
+            "labelSeparation": 3,
         },
     }
     # Names stand above their rows, so that the plot keeps its width on a small screen.

@@ -17,7 +17,6 @@ from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.tables import floats
 
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "detected in the last 10 s"))
-POSITION_COLUMN = ("position_m", "position, m")
 
 
 def html_table(headings: Sequence[str | Markup], rows: Sequence[Sequence[str | Markup]]) -> Markup:
@@ -40,7 +39,7 @@ def below(*texts: str) -> Markup:
 
 def error_table(mae: Mapping[str, Any]) -> Markup:
     """Return the mean errors by visibility with their intervals and the share of vehicle-steps that they are over."""
-    columns = (POSITION_COLUMN, *MAE_COLUMNS)
+    columns = (("position_m", "position, m"), *MAE_COLUMNS)
     rows = [
         [
             name,
@@ -79,7 +78,8 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
 
 def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
     value, interval = row.get(key), row.get(f"{key}_ci95")
-    return escape(number(value, 2)) + below(f"{interval[0]:.2f} to {interval[1]:.2f}" if interval else "")
+    lacking = "" if value is None else "too few vehicles"
+    return escape(number(value, 2)) + below(f"{interval[0]:.2f} to {interval[1]:.2f}" if interval else lacking)
 
 
 MOST_ROWS = 300

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from harness.common.effects import LEVEL
 from harness.common.intervals import clopper_pearson, garwood
 from harness.report.html_tables import below, html_table
-from harness.report.summary_text import FEWEST_EVENTS, FEWEST_SAMPLES, decided, number
+from harness.report.summary_text import FEWEST_EVENTS, FEWEST_KM, FEWEST_SAMPLES, decided, driven, number
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M, IN_SIGHT_DETECTIONS, IN_SIGHT_S, PLAIN_VIEW_M, PLAIN_VIEW_S
 from harness.storage.tables import floats
@@ -21,8 +21,6 @@ from mmpf.numerics.arrays import FloatArray, turned
 HEADINGS = ("", "this run", "perfect", "to compare with")
 UNKNOWN = number(None, 0)
 """The value of what this run did not measure, which is not shown."""
-SCORE, FEWEST_KM = "harness score", 0.1
-"""The command that scores a log, of which no computing times are known; of a shorter drive nothing is told per km."""
 STATE = ["lon_m", "lat_m", "speed_mps", "lat_speed_mps", "heading_rad"]
 
 
@@ -71,7 +69,8 @@ def key_figures(run: RecordedRun) -> list[KeyFigure]:
     samples, within = coverage.get("n") or 0, number(coverage["coverage95"]["lon"], 0, " %")
     within = "too few samples" if 0 < samples < FEWEST_SAMPLES else within
     noise_m = np.hypot(noise["lon_m"], noise["lat_m"]) if noise.get("n") else 0.0
-    is_log = run.manifest["command"].startswith(SCORE)
+    # Nobody knows how long the tracker of a log took.
+    is_log = run.manifest["command"].startswith("harness score")
     return [
         KeyFigure(
             "Error of hidden vehicles, 10 m if lost",
@@ -139,12 +138,12 @@ def _brakings(run: RecordedRun) -> list[KeyFigure]:
         KeyFigure(
             "Missed brakings", "a driver brakes for the true vehicles, but not for the tracks",
             f"{missed} of {needed}" if needed else "no case", interval,
-            f"in {km:.2f} km" + (f"; {few}" if needed and few else ""), "0", at_top=True,
+            f"in {driven(km)}" + (f"; {few}" if needed and few else ""), "0", at_top=True,
         ),
         KeyFigure(
             "Phantom brakings", "the driver brakes for the tracks, but not for the true vehicles", str(phantom),
             f"{least / km:.1f} to {most / km:.1f} per km" if km >= FEWEST_KM else "",
-            f"in {km:.2f} km" + (f": {number(decisions['phantom_per_km'], 2)} per km" if km >= FEWEST_KM else ""),
+            f"in {driven(km)}" + (f": {number(decisions['phantom_per_km'], 2)} per km" if km >= FEWEST_KM else ""),
             "0", at_top=True,
         ),
     ]  # fmt: skip

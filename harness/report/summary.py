@@ -34,8 +34,6 @@ REPORTED = (
 PRINTED = ("hidden", "pseudo_occlusion")
 """What the terminal shows of these; the page shows all."""
 ANEES, ANEES_HIDDEN = "calibration.anees.visible", "calibration.anees.hidden"
-BEST_AT_ONE = (ANEES, ANEES_HIDDEN)
-"""Scores of which neither more nor less is better."""
 IN_WORDS: Mapping[str, Mapping[str, Any]] = {
     "mot.id_switches": {"label": "identity switches in sight", "heading": "identity switches", "decimals": 0},
     "mot.missed": {"heading": "vehicle-steps missed"},
@@ -80,7 +78,7 @@ def _samples(quantity: Quantity, metrics: Mapping[str, Any]) -> str:
 
 def better(quantity: Quantity) -> str:
     """Return which values of a score are better, in a word."""
-    if quantity.key in BEST_AT_ONE:
+    if quantity.key in (ANEES, ANEES_HIDDEN):
         return "near 1"
     return "higher" if quantity.higher_is_better else "lower"
 

@@ -15,8 +15,8 @@ HONEST_COVERAGE = (
     ("visible", "vehicles that are not hidden", (93.0, 97.0)),
     ("hidden", "hidden vehicles", (90.0, 98.0)),
 )
-FEWEST_EVENTS, FEWEST_SAMPLES = 5, 100
-"""Of fewer occlusions, or fewer vehicle-steps, nothing is said."""
+FEWEST_EVENTS, FEWEST_SAMPLES, FEWEST_KM = 5, 100, 0.1
+"""Of fewer occlusions or fewer vehicle-steps nothing is said, and on a shorter way nothing per km."""
 
 
 def setting_sentence(metrics: Metrics) -> str:
@@ -45,8 +45,7 @@ def traffic_source(metrics: Metrics) -> str:
 
 def summary_sentences(metrics: Metrics) -> list[str]:
     """Return the run's result as a few sentences; what was not measured is not mentioned."""
-    parts = (_hidden, _occlusions, _trust)
-    return [sentence for part in parts if (sentence := part(metrics))]
+    return [sentence for part in (_hidden, _occlusions, _trust) if (sentence := part(metrics))]
 
 
 def _hidden(metrics: Metrics) -> str:
@@ -115,15 +114,19 @@ def decision_sentence(metrics: Metrics) -> str:
     decisions = decided(metrics)
     if not decisions:
         return ""
+    needed = decisions["onsets"] + decisions["missed"]
+    missed = (
+        f"missed {out_of(str(decisions['missed']), needed)} necessary brakings" if needed else "had no need to brake"
+    )
     return (
-        f"On {decisions['km']:.2f} km, a driver who relied on these tracks {_missed(decisions)}, and had "
+        f"On {driven(decisions['km'])}, a driver who relied on these tracks {missed}, and had "
         f"{_none(decisions['phantom'], 'phantom braking')}."
     )
 
 
-def _missed(decisions: Metrics) -> str:
-    needed = decisions["onsets"] + decisions["missed"]
-    return f"missed {out_of(str(decisions['missed']), needed)} necessary brakings" if needed else "had no need to brake"
+def driven(km: float) -> str:
+    """Return a way in words, a short one in metres."""
+    return f"{km:.2f} km" if km >= FEWEST_KM else f"{1000.0 * km:.0f} m"
 
 
 def decision_summary(metrics: Metrics) -> str:

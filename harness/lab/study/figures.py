@@ -84,7 +84,7 @@ def particles_figure(result: StudyResult, occlusion: str) -> Figure:
 
 def error_charts(result: StudyResult, occlusion: str) -> Charts:
     """Return the mean absolute error over time after the paper's figures 4 and 7, with 95 % intervals over cases."""
-    lines = tuple((model, COLOURS.get(model, "#777777")) for model in result.models())
+    lines = tuple((model, COLOURS.get(model, "#332288")) for model in result.models())
     charts = []
     for quantity, label in ERROR_PANELS[result.study]:
         title = f"MAE of {label}"
