@@ -8,10 +8,11 @@ import pandas as pd
 from harness.common.bounds import check_moves
 from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
-from harness.running.recorder import frame_of
+from harness.running.recorder import columns_of, frame_of
 from harness.sensor.detector import states_of, view_of
 from harness.storage import run_folder as runfolder
 from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT, TABLES, VISIBILITY_STATES
+from harness.storage.tables import rows_of_steps
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
 from harness.truth.recorded.order import LONGEST_INTERVAL_S
 from harness.truth.recorded.plausible import MOST_WITHIN, SIZE_CHANGE_RATIO
@@ -123,9 +124,9 @@ def _observe(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> None:
     fraction, in_range = np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
     state = np.full(len(rows), OUT)
     names, covering = rows["vehicle_id"].to_numpy(dtype=object), np.full(len(rows), "", dtype=object)
-    for _, own in rows.groupby("step"):
-        place = own.index.to_numpy()
-        frame = frame_of(own)
+    columns = columns_of(rows.drop(columns=SEEN, errors="ignore"), runfolder.TRUTH)
+    for place in rows_of_steps(rows).values():
+        frame = frame_of({name: values[place] for name, values in columns.items()})
         scene, _ = view_of(figures, frame, road)
         fraction[place], in_range[place] = np.round(scene.fraction, 4), scene.in_range
         covering[place] = np.append(names[place], "")[scene.occluder]

@@ -17,7 +17,9 @@ from harness.truth.frame import EVERYWHERE, Frame
 from mmpf.scan import BodyHeadings, BodySizes, Detections
 from mmpf.tracks import Tracks
 
-Columns = dict[str, npt.NDArray[np.generic]]
+Columns = dict[str, npt.NDArray[Any]]
+Rows = pd.DataFrame | Columns
+FRAME_COLUMNS = [column for column in TABLES[TRUTH].columns if column.name in {each.name for each in fields(Frame)}]
 
 TRACK_DECIMALS = 4
 STRETCH_ROWS = 300_000
@@ -95,25 +97,34 @@ def _truth_columns(snapshot: Snapshot) -> Columns:
     return _columns(TRUTH, len(frame), {**vars(observation), **vars(frame), **values})
 
 
-def frame_of(rows: pd.DataFrame) -> Frame:
+def columns_of(table: pd.DataFrame, name: str) -> Columns:
+    """Return the columns of a table that its file's schema declares, each of shape (n,); words with codes as those."""
+    return {column.name: _values(table, column) for column in TABLES[name].columns if column.name in table}
+
+
+def rows_by_step(columns: Columns) -> dict[int, Columns]:
+    """Return each step's rows of columns, in order of the steps."""
+    order = np.argsort(columns["step"], kind="stable")
+    steps, first = np.unique(columns["step"][order], return_index=True)
+    rows = zip(steps, np.split(order, first[1:]), strict=False)  # of no row there is one part
+    return {int(step): {name: values[part] for name, values in columns.items()} for step, part in rows}
+
+
+def frame_of(rows: Rows) -> Frame:
     """Return the frame that one step's rows of the truth table record; its ``ego`` is -1 where no row ``is_ego``."""
-    egos = np.flatnonzero(rows["is_ego"].to_numpy(dtype=bool))
-    first = rows.iloc[0]
-    arrays = {
-        column.name: _values(rows, column)
-        for column in TABLES[TRUTH].columns
-        if column.name in rows and column.name in {each.name for each in fields(Frame)}
-    }
+    egos = np.flatnonzero(np.asarray(rows["is_ego"], dtype=bool))
+    arrays = {column.name: _values(rows, column) for column in FRAME_COLUMNS if column.name in rows}
+
+    def first(name: str, default: float | str) -> Any:  # noqa: ANN401
+        return np.asarray(rows[name])[0] if name in rows else default
+
     of_step: dict[str, Any] = {
-        "step": int(first["step"]),
-        "time_s": float(first["time_s"]),
-        "episode": int(first["episode"]),
+        "step": int(arrays["step"][0]),
+        "time_s": float(arrays["time_s"][0]),
+        "episode": int(arrays["episode"][0]),
         "ego": int(egos[0]) if len(egos) else -1,
-        "window_m": (
-            float(first.get("window_start_m", EVERYWHERE[0])),
-            float(first.get("window_end_m", EVERYWHERE[1])),
-        ),
-        "signals": str(first.get("signals", "")),
+        "window_m": (float(first("window_start_m", EVERYWHERE[0])), float(first("window_end_m", EVERYWHERE[1]))),
+        "signals": str(first("signals", "")),
     }
     return Frame(**arrays | of_step)
 
@@ -133,7 +144,7 @@ def _detection_columns(snapshot: Snapshot) -> Columns:
     return _columns(DETECTIONS, len(detections), values)
 
 
-def detections_of(rows: pd.DataFrame) -> Detections:
+def detections_of(rows: Rows) -> Detections:
     """Return the detections that rows of the table record, with sizes and directions where they were measured."""
 
     def arrays(kind: type, **other_names: str) -> dict[str, Any]:
@@ -154,8 +165,10 @@ def tracks_of(rows: pd.DataFrame) -> Tracks:
     return Tracks(**{each.name: _values(rows, TABLES[TRACKS].of(each.name)) for each in fields(Tracks)})
 
 
-def _values(rows: pd.DataFrame, column: Column) -> npt.NDArray[Any]:
+def _values(rows: Rows, column: Column) -> npt.NDArray[Any]:
     """Return a column as an array, shape (n,); words with codes as those."""
+    if isinstance(rows, dict):
+        return rows[column.name]
     if column.words:
         return np.asarray(pd.Index(column.words).get_indexer(pd.Index(rows[column.name])), dtype=np.int64)
     return rows[column.name].to_numpy(dtype=np.str_ if column.is_text else column.type)

@@ -19,7 +19,7 @@ from harness.common.named import named
 from harness.config.model import RunConfig
 from harness.config.sensor import SensorSettings
 from harness.running.complete import check_scene, detection_table, truth_table
-from harness.running.recorder import detections_of, frame_of
+from harness.running.recorder import Columns, columns_of, detections_of, frame_of, rows_by_step
 from harness.running.snapshots import SnapshotStream, timed_snapshots
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Observation
@@ -27,8 +27,7 @@ from harness.sensor.profiles import sensor_settings
 from harness.sensor.shadows import free_space
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import check_truth, sound_tables
-from harness.storage.schema import TABLES, VISIBILITY_STATES
-from harness.storage.tables import floats
+from harness.storage.schema import TABLES
 from harness.truth.frame import Frame
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRUTH, LogFile, topics
@@ -70,11 +69,12 @@ def snapshots_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, sett
     """
     _check_content(truth, detections)
     times = np.unique(truth["time_s"].to_numpy(dtype=np.float64))
-    truth_at, detections_at = by_step(truth), by_step(detections)
+    truth_at = rows_by_step(columns_of(truth, runfolder.TRUTH))
+    found = columns_of(detections, runfolder.DETECTIONS)
+    found_at, nothing = rows_by_step(found), {name: values[:0] for name, values in found.items()}
 
     def observe(frame: Frame) -> Observation:
-        seen = detections_at.get(frame.step, detections.iloc[:0])
-        return _observation(frame, truth_at[frame.step], seen, road, settings)
+        return _observation(frame, truth_at[frame.step], found_at.get(frame.step, nothing), road, settings)
 
     return SnapshotStream(
         road=road,
@@ -106,12 +106,11 @@ def by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
     return {int(str(step)): rows for step, rows in table.groupby("step")}
 
 
-def _observation(
-    frame: Frame, truth: pd.DataFrame, seen: pd.DataFrame, road: Road, settings: SensorSettings
-) -> Observation:
+def _observation(frame: Frame, truth: Columns, seen: Columns, road: Road, settings: SensorSettings) -> Observation:
     """Return what was recorded of a frame; the sensor's shadows follow from its detections again."""
     detections, ego = detections_of(seen), frame.ego_pose
     view_rad = float(np.deg2rad(settings.field_of_view_deg))
+    place_of = {name: place for place, name in enumerate(truth["vehicle_id"].tolist())}
     return Observation(
         scan=Scan(
             time_s=frame.time_s,
@@ -119,14 +118,14 @@ def _observation(
             ego=ego,
             free_space=free_space(detections, ego, road, settings.range_m, view_rad),
         ),
-        truth_id=seen["truth_id"].to_numpy(dtype=str),
-        detection_visible_fraction=floats(seen, "visible_fraction"),
-        visible_fraction=floats(truth, "visible_fraction"),
-        occluder=pd.Index(truth["vehicle_id"]).get_indexer(pd.Index(truth["occluder_id"])).astype(np.int64),
-        in_range=truth["in_range"].to_numpy(dtype=bool),
-        state=np.array([VISIBILITY_STATES.index(state) for state in truth["state"]], dtype=np.int8),
-        behind_walls=floats(truth, "wall_fraction") if "wall_fraction" in truth else None,
-        pseudo_hidden_s=floats(truth, "pseudo_hidden_s") if "pseudo_hidden_s" in truth else None,
+        truth_id=seen["truth_id"],
+        detection_visible_fraction=seen["visible_fraction"],
+        visible_fraction=truth["visible_fraction"],
+        occluder=np.array([place_of.get(name, -1) for name in truth["occluder_id"].tolist()], dtype=np.int64),
+        in_range=truth["in_range"],
+        state=truth["state"].astype(np.int8),
+        behind_walls=truth.get("wall_fraction"),
+        pseudo_hidden_s=truth.get("pseudo_hidden_s"),
     )
 
 
