@@ -29,19 +29,9 @@ from harness.storage.run_folder import read_manifest, read_metrics, read_table
 from mmpf.registry import UnknownNameError
 
 __all__ = [
-    "Comparison",
-    "Grid",
-    "GridOptions",
-    "InputError",
-    "Run",
-    "RunError",
-    "RunInterruptedError",
-    "RunOptions",
-    "compare",
-    "open_run",
-    "run",
-    "stress",
-]
+    "Comparison", "Grid", "GridOptions", "InputError", "Run", "RunError", "RunInterruptedError", "RunOptions",
+    "compare", "open_run", "run", "stress",
+]  # fmt: skip
 
 if TYPE_CHECKING:
     from harness.config.model import RunConfig

@@ -19,18 +19,11 @@ from mmpf.numerics.arrays import FloatArray
 
 # What the scores are called in the file: the headline of hidden vehicles, multi-object scores, errors, the rest.
 POOLED = {
-    "hidden.hidden_cost_m": "hidden_cost_m",
-    "hidden.false_hidden_tracks_per_scan": "false_hidden_tracks_per_scan",
-    "hidden.identity_cost_m": "hidden_identity_cost_m",
-    "mot.hota": "hota",
-    "mot.idf1": "idf1",
-    "mot.id_switches": "id_switches_per_vehicle_minute",
-    "mae.visible.lon_m": "mae.visible.lon_m",
-    "mae.visible.n": "visible_followed",
-    "mae.hidden.lon_m": "mae.hidden.lon_m",
-    "mae.hidden.n": "hidden_followed",
-    "gospa_remembered.mean": "gospa_remembered_m",
-    "occlusion.same_id": "same_id",
+    "hidden.hidden_cost_m": "hidden_cost_m", "hidden.false_hidden_tracks_per_scan": "false_hidden_tracks_per_scan",
+    "hidden.identity_cost_m": "hidden_identity_cost_m", "mot.hota": "hota", "mot.idf1": "idf1",
+    "mot.id_switches": "id_switches_per_vehicle_minute", "mae.visible.lon_m": "mae.visible.lon_m",
+    "mae.visible.n": "visible_followed", "mae.hidden.lon_m": "mae.hidden.lon_m", "mae.hidden.n": "hidden_followed",
+    "gospa_remembered.mean": "gospa_remembered_m", "occlusion.same_id": "same_id",
     **{
         f"gaps.{kind}.{score}": f"{name}_{kind}"
         for kind in ("all", "moving", "parked")
@@ -40,7 +33,7 @@ POOLED = {
             ("position_m", "position_m"),
         )
     },
-}
+}  # fmt: skip
 IN_WORDS: dict[str, dict[str, Any]] = {
     "mot.hota": {"weight": "mot.truth_n"},
     "mae.visible.lon_m": {"decimals": 3},

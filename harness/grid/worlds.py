@@ -39,10 +39,7 @@ def altered_worlds(sensor: SensorSettings) -> Worlds:
     return {
         "bursts": ("altered.burst_share=0.15", "altered.burst_s=0.8"),
         "long-bursts": ("altered.burst_share=0.1", "altered.burst_s=2.0"),
-        "mirrored": (
-            *("altered.mirrored_clutter=5.0", "altered.mirrored_clutter_s=4.0"),
-            "altered.mirrored_clutter_probability=0.7",
-        ),
+        "mirrored": tuple(f"altered.mirrored_clutter{end}" for end in ("=5.0", "_s=4.0", "_probability=0.7")),
         "posts": ("altered.posts_per_km=5.0", "altered.posts_probability=0.9"),
         "fading": ("altered.half_range_m=60.0",),
         "ego-jitter": ("altered.ego_std_m=0.2", "altered.ego_std_deg=0.3"),

@@ -52,20 +52,13 @@ class RunFacts:
 def write_manifest(path: Path, facts: RunFacts) -> None:
     """Write ``manifest.json``."""
     manifest = {
-        "status": facts.status,
-        "problem": facts.problem,
-        "command": facts.command,
-        "seed": facts.seed,
-        "steps": facts.steps,
-        "rows": dict(facts.rows),
+        "status": facts.status, "problem": facts.problem, "command": facts.command, "seed": facts.seed,
+        "steps": facts.steps, "rows": dict(facts.rows),
         "versions": {name: _version(name) for name in PACKAGES} | {"python": platform.python_version()},
-        "git_revision": _git_revision(),
-        CODE: dict(facts.code),
-        INPUTS: dict(facts.inputs),
-        FILES: dict(facts.files),
+        "git_revision": _git_revision(), CODE: dict(facts.code), INPUTS: dict(facts.inputs), FILES: dict(facts.files),
         "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
         "wall_times_s": {name: round(seconds, 3) for name, seconds in facts.wall_times_s.items()},
-    }
+    }  # fmt: skip
     write_text(path, json.dumps(manifest, indent=2) + "\n")
 
 
