@@ -26,8 +26,8 @@ class Options(TypedDict):
     against: Annotated[
         str | None, Option("Git revision: compare the processor times of steps with it, in turns.", metavar="REVISION")
     ]
-    particles: Annotated[int, Option("Particles per vehicle.", default=1000, least=10)]
-    steps: Annotated[int, Option("Scans per scene.", default=40, least=8)]
+    particles: Annotated[int, Option("Particles per vehicle.", default=1000, least=10, most=1_000_000)]
+    steps: Annotated[int, Option("Scans per scene.", default=40, least=8, most=100_000)]
     budget: Annotated[
         float, Option("Largest CPU time in seconds per tracker and number of vehicles.", default=10.0, least=0.1)
     ]

@@ -69,7 +69,8 @@ def _reader(kind: type, least: float | None, most: float | None) -> Callable[[ob
     from pydantic import Field, TypeAdapter  # noqa: PLC0415  (the overview does without)
     from pydantic_core import PydanticCustomError  # noqa: PLC0415
 
-    known: TypeAdapter[Any] = TypeAdapter(cast("Any", getitem(Annotated, (kind, Field(ge=least, le=most)))))
+    bounds = Field(ge=least, le=most, allow_inf_nan=False) if kind is float else Field(ge=least, le=most)
+    known: TypeAdapter[Any] = TypeAdapter(cast("Any", getitem(Annotated, (kind, bounds))))
 
     def read(given: object) -> object:
         if isinstance(given, str) and ("_" in given or (kind is int and "." in given)):

@@ -25,8 +25,8 @@ class Options(TypedDict):
     model_file: Annotated[
         Path | None, Option("Your own fitted model file; replaces the bundled gmm, or the one model in --models.")
     ]
-    cases: Annotated[int, Option("Held-out cases.", default=240, least=2)]
-    particles: Annotated[int, Option("Particles per case.", default=1000, least=2)]
+    cases: Annotated[int, Option("Held-out cases.", default=240, least=2, most=100_000)]
+    particles: Annotated[int, Option("Particles per case.", default=1000, least=2, most=1_000_000)]
     seed: shared.Seed
     seeds: Annotated[
         str | None,

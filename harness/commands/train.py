@@ -27,7 +27,9 @@ class Options(TypedDict):
             default="lane-keeping",
         ),
     ]
-    components: Annotated[int | None, Option("Components of the mixture. (default: the paper's 28 or 60)", least=1)]
+    components: Annotated[
+        int | None, Option("Components of the mixture. (default: the paper's 28 or 60)", least=1, most=10_000)
+    ]
     seeds: Annotated[
         str | None,
         Option(
@@ -43,9 +45,11 @@ class Options(TypedDict):
     ]
     duration: Annotated[
         float | None,
-        Option("Seconds of traffic for each seed and density. (default: 200)", metavar="SECONDS", least=10),
+        Option(
+            "Seconds of traffic for each seed and density. (default: 200)", metavar="SECONDS", least=10, most=86_400
+        ),
     ]
-    seed: Annotated[int, Option("Seed for sampling and for fitting the mixture.", default=0, least=0)]
+    seed: shared.Seed
     cache: shared.Cache
     out: Annotated[Path, Option("Folder for the model files and cards.", default=Path("results/models"))]
     json: shared.Json

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from numbers import Integral, Real
 from pathlib import Path, PurePath
+from sys import float_info
 from types import NoneType
 from typing import Annotated, Any, TypedDict, cast, get_args, get_origin, get_type_hints
 
@@ -20,6 +21,7 @@ import tomli_w
 from harness.common.error_text import shown
 from harness.common.errors import InputError
 from harness.common.untrusted_files import checked_path
+from harness.config.lists import MOST_SEED
 
 TRAFFIC, TRACKING, RESULT = "Traffic and sensor", "Tracker", "Configuration and result"
 EXECUTION = "How it is run"
@@ -96,7 +98,7 @@ Settings = Annotated[
     list[str] | Mapping[str, object] | None,
     Option("Set any setting by its key in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
 ]
-Seed = Annotated[int, Option("Root seed of all random numbers.", default=0, least=0)]
+Seed = Annotated[int, Option("Root seed of all random numbers.", default=0, least=0, most=MOST_SEED)]
 Cache = Annotated[Path | None, Option("Cache folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
 Resume = Annotated[
     bool, Option("Reuse finished runs in --out; compute the missing ones.", panel=EXECUTION, default=False)
@@ -286,9 +288,10 @@ def _checked_value(name: str, value: object, entry: Declared) -> object:
         words = " or ".join(dict.fromkeys(word for _, word in kinds))
         raise InputError(f"`{name}`: give {words}, not {shown(value)}")
     least, most = entry.option.least, entry.option.most
-    if isinstance(plain, int | float) and not ((least is None or plain >= least) and (most is None or plain <= most)):
-        bounds = f"{least:g} or more" if most is None else f"{least:g} to {most:g}"
-        raise InputError(f"`{name}` {plain} is out of range: give {bounds}")
+    low, high = -float_info.max if least is None else least, float_info.max if most is None else most
+    if isinstance(plain, int | float) and not low <= plain <= high:
+        bounds = "a number" if least is None else f"{least:g} or more" if most is None else f"{least:g} to {most:g}"
+        raise InputError(f"`{name}` {shown(plain)} is out of range: give {bounds}")
     if isinstance(plain, str) and not plain.isprintable() and any(0xD800 <= ord(letter) < 0xE000 for letter in plain):
         raise InputError(f"`{name}`: {ascii(plain)[:60]} is not valid text; give it in UTF-8")
     if Path in entry.types and isinstance(plain, str | PurePath):
