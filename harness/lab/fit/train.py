@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from harness.common.errors import InputError
+from harness.common.files import replacing
 from harness.lab.fit import recurrent_fit, unrolled
 from harness.lab.fit.card import TRAFFIC, errors_by_regime, write_card
 from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
@@ -42,7 +46,7 @@ from harness.lab.windows.recording import (
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned import empirical, recurrent, residual
-from mmpf.motion.learned.driver import LearnedDriver, save_driver, with_follower
+from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, save_driver, with_follower
 from mmpf.motion.learned.follower import Follower
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import SHORT, short_term_driver
@@ -95,7 +99,18 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
         record_traffic(network, seeds, duration_s, plan.cache, say, plan.densities)
         for seeds, duration_s in ((plan.traffic, plan.duration_s), (HELD_OUT_SEEDS, TUNING_DURATION_S))
     )
-    plan.out.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix="harness-train-") as folder:
+        made = _train(replace(plan, out=Path(folder)), network, training, tuning, say)
+        plan.out.mkdir(parents=True, exist_ok=True)
+        for path in sorted(Path(folder).iterdir()):
+            with replacing(plan.out / path.name) as temporary:
+                copyfile(path, temporary)
+    return [plan.out / path.name for path in made]
+
+
+def _train(
+    plan: TrainingPlan, network: Network, training: Sequence[Path], tuning: Sequence[Path], say: Say
+) -> list[Path]:
     if plan.case == LANE_CHANGE:
         changes, held_changes = (load_changes(paths, network.road) for paths in (training, tuning))
         return _train_change(plan, network, changes, held_changes, say)
@@ -132,11 +147,14 @@ def _train_keeping(
     led = windows.led
     own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
     say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
-    driver, follower = fit_driver(windows, changes_per_s, plan.size, plan.seed, say)
-    save_driver(own, driver, follower)
-    say("fitting the paper's short-term model")
-    mixture = fit_short(windows, plan.size, plan.seed)
-    SHORT.save(short, mixture)
+    with _of_enough_traffic(plan):
+        driver, follower = fit_driver(windows, changes_per_s, plan.size, plan.seed, say)
+        save_driver(own, driver, follower)
+        load_learned_driver(own)
+        say("fitting the paper's short-term model")
+        mixture = fit_short(windows, plan.size, plan.seed)
+        SHORT.save(short, mixture)
+        SHORT.load(short)
     say("scoring on held-out seeds")
     rng = np.random.default_rng(plan.seed)
     held_led = held_out.led
@@ -214,8 +232,10 @@ def _train_change(
         raise InputError(f"`seeds`: {len(changes)} lane changes are too few to train on; give more seeds")
     say(f"{len(changes)} lane changes, {samples} samples")
     path = plan.out / "lane_change.npz"
-    mixture = fit_change(changes, plan.size, plan.seed)
-    CHANGE.save(path, mixture)
+    with _of_enough_traffic(plan):
+        mixture = fit_change(changes, plan.size, plan.seed)
+        CHANGE.save(path, mixture)
+        CHANGE.load(path)
     rng = np.random.default_rng(plan.seed)
     facts = {
         **_facts(plan, net, samples, samples),
@@ -228,6 +248,17 @@ def _train_change(
     }
     write_card(path.with_suffix(".md"), CHANGE_TITLE, facts, [], CHANGE_LIMITS)
     return [path]
+
+
+@contextmanager
+def _of_enough_traffic(plan: TrainingPlan) -> Iterator[None]:
+    """Refuse a fit that fails, or whose file its own reader refuses: few samples leave covariances near zero."""
+    try:
+        yield
+    except (ValueError, np.linalg.LinAlgError) as error:
+        why = " ".join(str(error).replace(f"{plan.out}/", "").split())
+        told = f"`duration` {plan.duration_s:g}: too little traffic to fit {plan.case} to ({why})"
+        raise InputError(f"{told}; give more of `duration` or `seeds`") from error
 
 
 def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralScatter, rng: np.random.Generator) -> str:

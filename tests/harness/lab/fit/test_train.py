@@ -12,7 +12,9 @@ from harness.lab.fit import driver_fit, train
 from harness.lab.fit.train import TrainingPlan
 from harness.lab.fit.turning_fit import train_turning
 from harness.truth.network.network import load_network
+from mmpf.motion.gmm.model_file import committed_mixture
 from mmpf.motion.learned.driver import load_learned_driver
+from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import SHORT
 
 
@@ -55,6 +57,20 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
     assert "of each seed 40 s at each of 8, 22 vehicles" in card
     assert "--densities 8,22 --duration 40" in card
     assert np.isfinite(load_learned_driver(paths[0]).model.follower.following.mixture.means).all()
+
+
+def test_a_fit_that_its_reader_would_refuse_says_that_there_is_too_little_traffic(tmp_path, monkeypatch):
+    sound = committed_mixture(CHANGE)
+    flat = sound.mixture.covariances.copy()
+    flat[0] = np.eye(len(flat[0]))
+    flat[0, 0, 1] = flat[0, 1, 0] = 1e-40
+    fitted = replace(sound, mixture=replace(sound.mixture, covariances=flat))
+    for name, made in (("record_traffic", []), ("load_changes", range(60)), ("fit_change", fitted)):
+        monkeypatch.setattr(train, name, lambda *_, made=made: made)
+    plan = TrainingPlan("lane-change", 4, range(1000, 1001), 0, None, tmp_path / "models", duration_s=25.0)
+    with pytest.raises(InputError, match=r"^`duration` 25: too little traffic .*; give more of `duration` or `seeds`$"):
+        train.train(plan, load_network("us101"), str)
+    assert not (tmp_path / "models").exists()
 
 
 def test_training_on_turns_needs_networks_in_the_plane(capsys):
