@@ -23,7 +23,7 @@ class Options(TypedDict):
     baseline: Annotated[str | None, Option("Compare the given folder with this one. (with --suite: results/reference)")]
     suite: Annotated[str | None, Option("Run this suite first, then compare its result: standard.")]
     record: Annotated[bool, Option("Save the suite's result as the baseline; compare nothing.", default=False)]
-    out: Annotated[Path, Option("Folder for the suite's runs.", default=Path("results/suite"))]
+    out: Annotated[Path | None, Option("Folder for the suite's runs. (default: results/suite)")]
     resume: Annotated[bool, Option("Reuse finished runs of the suite in --out.", default=False)]
     workers: shared.Workers
     gate: Annotated[

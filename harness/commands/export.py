@@ -65,6 +65,9 @@ def command(options: Options) -> None:
         raise InputError(
             f"`to`: say which format: {', '.join(export_formats.names())}; or give `video`, for example run.mp4"
         )
+    for name in ("out", "gzip") if to is None else ():
+        if options[name]:
+            raise InputError(f"`{name}`: only `to` uses it; leave it out, or add `to`")
     files: list[Path] = []
     if to is not None:
         files = export_run(

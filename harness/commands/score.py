@@ -45,6 +45,6 @@ def command(options: Options) -> None:
     if left_out or not quiet:
         typer.echo(report, err=True)
     if not quiet:
-        print_summary(metrics, folder, timed=False)
+        print_summary(metrics, folder)
     if as_json:
         typer.echo(text_of(metrics), nl=False)

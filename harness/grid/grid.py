@@ -174,8 +174,13 @@ def _variants(request: GridRequest) -> list[_Variant]:
         if label in (variant.label for variant in variants):
             raise InputError(f"`trackers` {text}: another tracker is called {label} too; choose another name")
         variants += [_Variant(label, tracker, name, full, model) for model in (models if crossed else (None,))]
-    if request.models is not None and not any(variant.model for variant in variants):
-        raise InputError("`models`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")
+    takers = {
+        "models": any(each.model for each in variants),
+        "particles": any(each.takes_settings for each in variants),
+    }
+    for name, taken in takers.items():
+        if getattr(request, name) is not None and not taken:
+            raise InputError(f"`{name}`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")
     return variants
 
 

@@ -21,6 +21,7 @@ from harness.common.errors import InputError
 from harness.common.isolation import trusted
 from harness.common.signals import signals_held
 from harness.config.layers import config_from_table, merged
+from harness.config.lists import MOST_SEED
 from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
 from harness.config.options import Option
 from harness.running.complete import KEYS, check_scene, detection_table, filled, on_clock, slope_of, truth_table
@@ -68,7 +69,10 @@ class Logs(TypedDict):
     settings: Annotated[
         list[str] | None, Option("A setting of the sensor; repeatable.", flag="--set", metavar="sensor.KEY=VALUE")
     ]
-    seed: Annotated[int, Option("Seed of the bootstrap intervals; with a run's truth, the run's.", default=0, least=0)]
+    seed: Annotated[
+        int | None,
+        Option("Seed of the bootstrap intervals; with a run's truth, the run's. (default: 0)", least=0, most=MOST_SEED),
+    ]
     name: Annotated[str | None, Option("What the tracker is called. (default: the file's name)")]
 
 
@@ -182,7 +186,7 @@ def _rows(log: LogFile) -> pd.DataFrame:
 
 def _of_run(logs: Logs, name: str) -> Scored:
     """Return what is scored against the truth and the detections of a run's folder."""
-    for option in ("detections", "ego", "sensor"):
+    for option in ("detections", "ego", "sensor", "seed"):
         if logs[option] is not None:
             raise InputError(f"`{option}`: it is taken from the run's folder {logs['truth']}; leave it out")
     config = resolve_run_config(options={"replay": str(logs["truth"])}, settings=logs["settings"] or [])
@@ -213,7 +217,7 @@ def _of_files(logs: Logs, name: str) -> Scored:
     recording = RecordingConfig(format=source.format or logs["truth"].suffix.lstrip(".") or "folder", ego=EGO)
     traffic = TrafficConfig(net=ROAD_OF_RECORDING, recording=recording)
     base = RunConfig(
-        seed=logs["seed"], replay=str(logs["truth"].resolve()), traffic=traffic, tracker=TrackerConfig(name=name)
+        seed=logs["seed"] or 0, replay=str(logs["truth"].resolve()), traffic=traffic, tracker=TrackerConfig(name=name)
     )
     config = config_from_table(base.as_table() | {"sensor": sensor})
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,8 @@ def compare_sides(options: Mapping[str, Any]) -> int:
         InputError: The options or the folders do not make two sides that can be compared.
         RunError: A run of the suite failed.
     """
+    _check_used(options)
+    _check_distinct(options)
     for parameter in () if options["force"] else WRITTEN:
         _check_free(options[parameter], parameter)
     gate = read_gate(options["gate"])
@@ -51,21 +54,49 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     comparison = compare(*sides, rules, options["allow_different"])
     if not options["quiet"]:
         print_comparison(comparison)
-    markdown, html = options["markdown"], options["html"]
-    if markdown is not None:
-        _write(markdown, as_markdown(comparison), "markdown")
-    if html is not None:
+    if options["html"] is not None:
         from harness.report.comparison_page import comparison_page  # noqa: PLC0415  matplotlib is slow to import
 
-        _write(html, comparison_page(comparison), "html")
-    if options["junit"] is not None:
-        _write(options["junit"], as_junit(comparison), "junit")
-    if options["summary"] is not None:
-        _write(options["summary"], as_summary(comparison, options["pages"]), "summary")
+        _write(options["html"], comparison_page(comparison), "html")
+    summary = partial(as_summary, pages=options["pages"])
+    for name, as_text in (("markdown", as_markdown), ("junit", as_junit), ("summary", summary)):
+        if options[name] is not None:
+            _write(options[name], as_text(comparison), name)
     if options["json"]:
         typer.echo(json.dumps(comparison.as_table(), indent=2))
     undecided = DONE if options["allow_undecided"] or gate.allow_undecided else UNDECIDED
     return {"worse": WORSE, "undecided": undecided}.get(comparison.outcome, DONE)
+
+
+def _check_used(options: Mapping[str, Any]) -> None:
+    """Refuse what would be ignored."""
+    for name, needed in (("workers", "suite"), ("out", "suite"), ("resume", "suite"), ("pages", "summary")):
+        if options[name] and options[needed] is None:
+            raise InputError(f"`{name}`: only `{needed}` uses it; leave it out, or add `{needed}`")
+    for name in (*WRITTEN, "gate", "primary", "tolerance", "time_tolerance") if options["record"] else ():
+        if options[name] is not None:
+            raise InputError(f"`{name}`: with `record` nothing is compared; leave one of them out")
+
+
+def _check_distinct(options: Mapping[str, Any]) -> None:
+    """Refuse to write a file that another option names, or that what is compared has; a stream may take several."""
+    compared = {
+        Path(str(each).partition("@")[0]).resolve() for each in (*(options["folders"] or ()), options["baseline"])
+    }
+    taken: dict[Path, str] = {}
+    for name in ("gate", *WRITTEN):
+        if options[name] is None or (options[name].exists() and not options[name].is_file()):
+            continue
+        place = options[name].resolve()
+        if place in taken:
+            raise InputError(f"`{name}`: {options[name]} is `{taken[place]}` too; give each a file of its own")
+        taken[place] = name
+        if name != "gate" and place.is_file() and compared & set(place.parents) and not _is_comparison(place):
+            raise InputError(f"`{name}`: {options[name]} is of what is compared; choose another file")
+
+
+def _is_comparison(path: Path) -> bool:
+    return path.read_bytes().endswith(f"{MARK}\n".encode())
 
 
 def _check_free(path: Path | None, parameter: str) -> None:
@@ -74,8 +105,7 @@ def _check_free(path: Path | None, parameter: str) -> None:
     Raises:
         InputError: There is such a file.
     """
-    there = path.read_bytes() if path is not None and path.is_file() else b""
-    if there and not there.endswith(f"{MARK}\n".encode()):
+    if path is not None and path.is_file() and path.stat().st_size and not _is_comparison(path):
         raise InputError(f"`{parameter}`: {path} exists and no comparison wrote it; add `force` to replace it")
 
 
@@ -92,7 +122,8 @@ def _sides(options: Mapping[str, Any]) -> tuple[Source, Source] | None:
     if suite is not None and not given:
         before = None if options["record"] else open_source(baseline or str(BASELINE), "baseline")
         workers = options["workers"] or os.cpu_count() or 1
-        ran = run_suite(suite, options["out"], workers=workers, resume=options["resume"], quiet=options["quiet"])
+        out = options["out"] or Path("results/suite")
+        ran = run_suite(suite, out, workers=workers, resume=options["resume"], quiet=options["quiet"])
         if ran.failures:
             raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
         if before is None:

@@ -43,9 +43,10 @@ def fit_model(options: Mapping[str, Any]) -> None:
 
     if case in (TURNING, RESIDUAL, RECURRENT, EMPIRICAL) and options["components"] is not None:
         raise InputError(f"`components`: the case {case} fits no mixture; leave it out")
-    for name in ("densities", "duration"):
-        if case == TURNING and options[name] is not None:
-            raise InputError(f"`{name}`: the case {TURNING} takes the demands of its networks; leave it out")
+    for name in ("densities", "duration", "seed"):
+        if case == TURNING and options[name]:
+            why = "draws nothing" if name == "seed" else "takes the demands of its networks"
+            raise InputError(f"`{name}`: the case {TURNING} {why}; leave it out")
     if case == TURNING:
         networks = [load_network(name) for name in (options["net"] or ON_NETWORKS).split(",")]
         paths = [train_turning(networks, traffic, options["cache"], options["out"], say)]

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 
 from harness.closedloop.drive import Execution, FinishedDrives, run_drives
 from harness.closedloop.options import DriveOptions
-from harness.closedloop.plan import request_of
+from harness.closedloop.plan import DARK, request_of
+from harness.common.errors import InputError
 from harness.common.markdown import show_markdown
 from harness.common.progress import progress_bar
 from harness.config.options import checked
@@ -17,6 +18,7 @@ from harness.report.folder_page import write_page
 from harness.report.page import PAGE, write_run_page
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import KEPT
+from harness.truth.network.network import load_network
 
 
 def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> FinishedDrives:
@@ -31,7 +33,10 @@ def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> Fin
     """
     values = checked(DriveOptions, options, "drive")
     request = request_of(values)
-
+    if request.detected is not None and DARK not in request.provoke:
+        raise InputError(f"`detected`: only `provoke` {DARK} uses it; leave it out, or add {DARK} to `provoke`")
+    if request.heed_unseen is not None and load_network(request.net).corridor is not None:
+        raise InputError(f"`heed_unseen`: {request.net} has no crossings; leave it out, or name another `net`")
     workers = values["workers"] or os.cpu_count() or 1
     how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
     finished = run_drives(request, values["out"], how, on_stderr(quiet), command)

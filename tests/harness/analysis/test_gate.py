@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -60,6 +61,16 @@ def test_wrong_input_and_files_that_are_there_write_nothing(tmp_path, capsys):
         assert "exists and no comparison wrote it; add --force" in capsys.readouterr().err
     assert precious.read_text() == "import this\n"
     assert gate(a, a, "--markdown", precious, "--force") == exit_codes.DONE
+    for words, told in (
+        (("--markdown", tmp_path / "x", "--html", tmp_path / "." / "x"), "--html: .*x is --markdown too"),
+        (("--gate", precious, "--junit", precious, "--force"), "--junit: .* is --gate too"),
+        (("--html", f"{a}/runs.parquet", "--force"), "--html: .*runs.parquet is of what is compared"),
+        (("--workers", 2), "--workers: only --suite uses it"),
+        (("--pages", "https://ci.example"), "--pages: only --summary uses it"),
+        (("--suite", "standard", "--record", "--html", tmp_path / "x"), "--html: with --record nothing is compared"),
+    ):
+        assert gate(*([] if "--record" in words else [a, a]), *words) == exit_codes.WRONG_INPUT
+        assert re.search(told, capsys.readouterr().err)
     assert gate(a, tmp_path / "none", "--junit", tmp_path / "gate.xml") == exit_codes.WRONG_INPUT
     assert not (tmp_path / "gate.xml").exists()
 

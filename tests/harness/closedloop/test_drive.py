@@ -128,6 +128,8 @@ def test_traffic_that_can_not_be_opened_fails_every_drive_of_its_cell_in_a_row()
         ({"flow": 15.0, "net": "junction"}, "`net` junction"),
         ({"provoke": "stopped", "net": "junction"}, "`net` junction"),
         ({"detected": 0.0}, "`detected`"),
+        ({"detected": 0.5, "provoke": "brake"}, "`detected`: only `provoke` dark uses it"),
+        ({"heed_unseen": 0.1}, "`heed_unseen`: us101 has no crossings"),
     ],
 )
 def test_wrong_input_is_one_line_that_names_the_option_and_leaves_nothing(tmp_path, options, said):

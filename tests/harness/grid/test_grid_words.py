@@ -37,6 +37,7 @@ from tests.harness.stand_ins import echo_tracker
         ({"trackers": "truth=mmpf"}, "trackers", "truth is the name of another tracker"),
         ({"trackers": "a=mmpf,a=pmbm"}, "trackers", "another tracker is called a too"),
         ({"trackers": "pmbm", "models": "cvm"}, "models", "only mmpf takes them"),
+        ({"trackers": "pmbm", "particles": 10}, "particles", "only mmpf takes them"),
         ({"densities": "70"}, "densities", "between 5 and 65"),
         ({"trackers": ","}, "trackers", "for example"),
         ({"densities": "x"}, "densities", "for example"),
