@@ -51,6 +51,6 @@ class Doubting:
         """Move the particles by the inner model; some particles of vehicles in sight redraw their doubt."""
         moved = step_in_place(self.inner, state, latents[:DOUBT], surroundings, dt_s, rng)
         change, drawn = rng.random((2, state.shape[1]), dtype=np.float32)
-        anew = ~surroundings.is_hidden & (change < -np.expm1(-dt_s * REDRAWN_PER_S))
-        np.copyto(latents[DOUBT], drawn, where=anew)
+        anew = np.flatnonzero(~surroundings.is_hidden & (change < -np.expm1(-dt_s * REDRAWN_PER_S)))
+        latents[DOUBT, anew] = drawn[anew]
         return moved

@@ -25,7 +25,8 @@ from mmpf.motion.protocol import (
 )
 from mmpf.motion.state import ACCEL, LON, SPEED, STATE_SIZE
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun, rows_tried
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from mmpf.numerics.kernels import kernel
 
 MOVED = (LON, SPEED, ACCEL)
 GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -84,10 +85,9 @@ class Manoeuvring:
     ) -> FloatArray:
         """Let the inner model move the particles; those in a manoeuvre go on with their accelerations instead."""
         moved = step_in_place(self.inner, state, latents[:HOLDS], surroundings, dt_s, rng)
-        change = rng.random(state.shape[1], dtype=np.float32)
-        is_seen, holds = ~surroundings.is_hidden, latents[HOLDS] != 0.0
-        held = np.flatnonzero(is_seen & holds & (change >= -np.expm1(-dt_s / self.mean_s)))
-        begun = np.flatnonzero(is_seen & ~holds & (change < -np.expm1(-dt_s * self.begin_per_s)))
+        change = rng.random(int(state.shape[1]), dtype=np.float32)
+        ends, begins = -np.expm1(-dt_s / self.mean_s), -np.expm1(-dt_s * self.begin_per_s)
+        held, begun = _choose(latents[HOLDS], surroundings.is_hidden, change, ends, begins)
         # Evenly spread, particle after particle: those of one vehicle leave no wide gap between what they try.
         even = (rng.random() + GOLDEN_RATIO * np.arange(len(begun))) % 1.0
         holding = np.concatenate([held, begun])
@@ -97,8 +97,6 @@ class Manoeuvring:
         accel = before[ACCEL].copy()
         accel[len(held) :] += self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, out=accel)
-        latents[HOLDS] = 0.0
-        latents[HOLDS, holding] = 1.0
         after = np.empty_like(before)
         move_along(before, after, accel, np.zeros_like(accel), dt_s)
         for row in MOVED:
@@ -117,3 +115,23 @@ class Manoeuvring:
         )
         begun += log_prior_over_tried(self.inner, latents[:HOLDS], after[:HOLDS], surroundings, dt_s)
         return begun
+
+
+@kernel()
+def _choose(
+    holds: FloatArray, is_hidden: BoolArray, change: Float32Array, ends: float, begins: float
+) -> tuple[IntArray, IntArray]:
+    """Return which particles go on with a manoeuvre and which begin one; ``holds``, shape (n,), is rewritten."""
+    held, begun = np.empty(len(holds), dtype=np.int64), np.empty(len(holds), dtype=np.int64)
+    goes_on, begin = 0, 0
+    for n in range(len(holds)):
+        held[goes_on] = begun[begin] = n
+        did = holds[n] != 0.0
+        goes_on += (not is_hidden[n]) & did & (change[n] >= ends)
+        begin += (not is_hidden[n]) & (not did) & (change[n] < begins)
+        holds[n] = 0.0
+    for n in held[:goes_on]:
+        holds[n] = 1.0
+    for n in begun[:begin]:
+        holds[n] = 1.0
+    return held[:goes_on], begun[:begin]

@@ -67,6 +67,11 @@ def nearest_by_lane(
     return leader, follower
 
 
+def to_be_found(n: int) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the columns of ``Neighbour`` for n particles, to be written."""
+    return np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+
+
 @dataclass(frozen=True)
 class KnownTraffic:
     """What distances to neighbours are measured from.
@@ -94,30 +99,14 @@ class KnownTraffic:
         """
         asked = np.arange(len(lane)) if index is None else index
         n = len(asked)
-        found = Neighbour(np.empty(n, dtype=np.bool_), *(np.empty(n) for _ in range(4)))
+        lon, speed, found = self.state[LON], self.state[SPEED], to_be_found(n)
 
         def measure(begin: int, end: int) -> None:
-            _measure_neighbours(
-                begin,
-                end,
-                asked,
-                self.state[LON],
-                self.state[SPEED],
-                self.component,
-                lane,
-                nearest,
-                sign,
-                self.others,
-                self.length_m,
-                found.exists,
-                found.gap_m,
-                found.speed_mps,
-                found.accel_mps2,
-                found.length_m,
-            )
+            which = begin, end, asked, lon, speed, self.component
+            _measure_neighbours(*which, lane, nearest, sign, self.others, self.length_m, *found)
 
         in_shares(measure, n, cost=0.5)
-        return found
+        return Neighbour(*found)
 
 
 @dataclass(frozen=True)

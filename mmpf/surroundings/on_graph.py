@@ -17,7 +17,7 @@ from mmpf.motion.turning import road_speeds, turning_driver
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 from mmpf.scan import EgoPose
-from mmpf.surroundings.neighbours import IN_THE_WAY
+from mmpf.surroundings.neighbours import IN_THE_WAY, to_be_found
 from mmpf.surroundings.right_of_way import OnLanes
 from mmpf.surroundings.stop_lines import stop_at_lines
 
@@ -203,35 +203,12 @@ def _nearest(
     then: IntArray | None,
 ) -> Neighbour:
     """Return each particle's nearest vehicle ahead (sign 1) or behind (-1) on a lane, then on the one that follows."""
-    n = len(component)
-    found = Neighbour(np.empty(n, dtype=np.bool_), *(np.empty(n) for _ in range(4)))
-    _find_nearest(
-        placed.order,
-        placed.first,
-        placed.along_m,
-        placed.left_m,
-        placed.speed_mps,
-        placed.accel_mps2,
-        placed.length_m,
-        placed.width_m,
-        placed.next_gap_m,
-        placed.next_vehicle,
-        graph.length_m,
-        component,
-        speed_mps,
-        lane,
-        of_lane,
-        along_m,
-        left_m,
-        sign,
-        np.full(n, NOWHERE) if then is None else then,
-        found.exists,
-        found.gap_m,
-        found.speed_mps,
-        found.accel_mps2,
-        found.length_m,
-    )
-    return found
+    then = np.full(len(component), NOWHERE) if then is None else then
+    found = to_be_found(len(component))
+    others = placed.along_m, placed.left_m, placed.speed_mps, placed.accel_mps2, placed.length_m, placed.width_m
+    gap, vehicle, own = placed.next_gap_m, placed.next_vehicle, (component, speed_mps, lane, of_lane, along_m, left_m)
+    _find_nearest(placed.order, placed.first, *others, gap, vehicle, graph.length_m, *own, sign, then, *found)
+    return Neighbour(*found)
 
 
 @kernel()

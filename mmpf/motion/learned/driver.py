@@ -160,29 +160,12 @@ class LearnedDriver:
         normal = standard_normals(rng, (2, state.shape[1]))
         free, holding = self.model.free.driving(dt_s), self.model.keeper.holding(dt_s)
 
+        own = latents[DESIRED_SPEED], road_speed, latents[OFFSET], surroundings.lane_right_m, surroundings.lane_left_m
+        ahead, how = (leader.gap_m, leader.speed_mps), (free, holding)
+
         def drive_some(begin: int, end: int) -> None:
             first, last = np.searchsorted(followers, (begin, end))
-            drive(
-                begin,
-                end,
-                first,
-                last,
-                state,
-                after,
-                latents[DESIRED_SPEED],
-                road_speed,
-                latents[OFFSET],
-                surroundings.lane_right_m,
-                surroundings.lane_left_m,
-                followers,
-                sampled,
-                leader.gap_m,
-                leader.speed_mps,
-                normal,
-                free,
-                holding,
-                dt_s,
-            )
+            drive(begin, end, first, last, state, after, *own, followers, sampled, *ahead, normal, *how, dt_s)
 
         in_shares(drive_some, state.shape[1])
         changing = np.flatnonzero(~keeps_lane)

@@ -8,6 +8,7 @@ import numpy as np
 
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
+from mmpf.motion.tries import CASES
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel, part_of_kernel
 
@@ -78,6 +79,26 @@ def switch_intentions(
 
 
 @kernel()
+def look_up_changes(
+    aims: FloatArray,
+    after: FloatArray,
+    lane_right: FloatArray,
+    lane_left: FloatArray,
+    has_left: BoolArray,
+    has_right: BoolArray,
+    is_hidden: BoolArray,
+    ratios: FloatArray,
+    log_ratio: FloatArray,
+) -> None:
+    """Write the log ratio of each particle, which began to change lanes if its aims, shape (2, n), are others after."""
+    for n in range(len(log_ratio)):
+        changes = after[0, n] != 0.0
+        goes_on = changes & (after[0, n] == aims[0, n]) & (after[1, n] == aims[1, n])
+        may_begin = (abs(lane_right[n]) < np.inf) & (abs(lane_left[n]) < np.inf) & (not is_hidden[n]) & (not goes_on)
+        log_ratio[n] = ratios[CASES * (2 * may_begin + changes) + has_left[n] + has_right[n]]
+
+
+@kernel()
 def drive(
     begin: int,
     end: int,
@@ -122,35 +143,37 @@ def drive(
         holding: Holding the lane.
         dt_s: Length of the step.
     """
-    accel = after[ACCEL]
-    for n in range(begin, end):
-        wanted_speed = min(desired_speed[n], road_speed[n])
+    # Loops run over slices from zero on: the compiler turns only those into vector instructions.
+    own, moved, own_road = state[:, begin:end], after[:, begin:end], road_speed[begin:end]
+    own_desired, own_normal = desired_speed[begin:end], normal[:, begin:end]
+    lon, speed, accel, lat, lat_speed = own[LON], own[SPEED], own[ACCEL], own[LAT], own[LAT_SPEED]
+    for n in range(end - begin):
+        wanted_speed = min(own_desired[n], own_road[n])
         # Who drove by the road and has lost it goes on as it does.
-        wanted = free.gain_per_s * (wanted_speed - state[SPEED, n]) if wanted_speed < np.inf else 0.0
-        if road_speed[n] < np.inf:
+        wanted = free.gain_per_s * (wanted_speed - speed[n]) if wanted_speed < np.inf else 0.0
+        if own_road[n] < np.inf:
             wanted = min(wanted, free.strongest_mps2)
-        accel[n] = state[ACCEL, n] + free.approach * (wanted - state[ACCEL, n]) + free.noise_mps2 * normal[0, n]
+        moved[ACCEL, n] = accel[n] + free.approach * (wanted - accel[n]) + free.noise_mps2 * own_normal[0, n]
     for k in range(first_follower, last_follower):
         n = followers[k]
         hardest = _hardest_that_avoids(gap[n], state[SPEED, n] - leader_speed[n])
-        accel[n] = min(sampled[k], hardest)
-    for n in range(begin, end):
-        held = min(max(accel[n], -HARDEST_BRAKING_MPS2), STRONGEST_ACCEL_MPS2)
-        speed = max(state[SPEED, n] + held * dt_s, 0.0)
-        after[LON, n] = state[LON, n] + 0.5 * dt_s * (state[SPEED, n] + speed)
-        after[SPEED, n] = speed
-        after[ACCEL, n] = 0.0 if speed == 0.0 and held < 0.0 else held
-    for n in range(begin, end):
-        away = state[LAT, n] - 0.5 * (lane_right[n] + lane_left[n]) - offset[n]
-        if abs(away) < np.inf:
-            pull = -holding.attraction_per_s2 * away - holding.damping_per_s * state[LAT_SPEED, n]
-        else:
-            # A ramp takes its own course.
-            pull = 0.0
-        lat_speed = state[LAT_SPEED, n] + pull * dt_s + holding.kick_mps * normal[1, n]
-        after[LAT, n] = state[LAT, n] + 0.5 * dt_s * (state[LAT_SPEED, n] + lat_speed)
-        after[LAT_SPEED, n] = lat_speed
-        after[LAT_ACCEL, n] = pull
+        after[ACCEL, n] = min(sampled[k], hardest)
+    for n in range(end - begin):
+        held = min(max(moved[ACCEL, n], -HARDEST_BRAKING_MPS2), STRONGEST_ACCEL_MPS2)
+        next_speed = max(speed[n] + held * dt_s, 0.0)
+        moved[LON, n] = lon[n] + 0.5 * dt_s * (speed[n] + next_speed)
+        moved[SPEED, n] = next_speed
+        moved[ACCEL, n] = 0.0 if next_speed == 0.0 and held < 0.0 else held
+    own_right, own_left, own_offset = lane_right[begin:end], lane_left[begin:end], offset[begin:end]
+    for n in range(end - begin):
+        away = lat[n] - 0.5 * (own_right[n] + own_left[n]) - own_offset[n]
+        pull = -holding.attraction_per_s2 * away - holding.damping_per_s * lat_speed[n]
+        # A ramp takes its own course.
+        pull = pull if abs(away) < np.inf else 0.0
+        next_lat_speed = lat_speed[n] + pull * dt_s + holding.kick_mps * own_normal[1, n]
+        moved[LAT, n] = lat[n] + 0.5 * dt_s * (lat_speed[n] + next_lat_speed)
+        moved[LAT_SPEED, n] = next_lat_speed
+        moved[LAT_ACCEL, n] = pull
 
 
 @part_of_kernel()
@@ -161,4 +184,5 @@ def _hardest_that_avoids(gap: float, closing: float) -> float:
     lane drive side by side more often than they touch, and are left to the mixture.
     """
     needed = closing * closing / (2.0 * max(gap - AVOIDED_BY_M, AVOIDED_BY_M))
-    return -needed if closing > 0.0 and gap > SIDE_BY_SIDE_BELOW_M and needed > BRAKING_WORTH_IT_MPS2 else np.inf
+    is_near = (closing > 0.0) & (gap > SIDE_BY_SIDE_BELOW_M) & (needed > BRAKING_WORTH_IT_MPS2)
+    return -needed if is_near else np.inf

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.motion.learned.kernel import LaneHolding, switch_intentions
+from mmpf.motion.learned.kernel import LaneHolding, look_up_changes, switch_intentions
 from mmpf.motion.protocol import Surroundings, offset_in_lane
-from mmpf.motion.tries import log_ratio_of_begun
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.motion.tries import log_ratios
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 WIDEST_LANE_M = 6.0
 WIDEST_OFFSET_M = 1.0
@@ -54,19 +54,9 @@ class LaneKeeper:
 
         Rewrites their ``aims``, shape (2, n): the direction in which each changes lanes, and the place it is after.
         """
-        switch_intentions(
-            aims[0],
-            aims[1],
-            lat_m,
-            surroundings.lane_right_m,
-            surroundings.lane_left_m,
-            surroundings.has_left_lane,
-            surroundings.has_right_lane,
-            surroundings.is_hidden,
-            rng.random(len(lat_m), dtype=np.float32),
-            self.seen_changes_per_s * dt_s,
-            self.changes_per_s * dt_s,
-        )
+        uniform = rng.random(len(lat_m), dtype=np.float32)
+        probabilities = self.seen_changes_per_s * dt_s, self.changes_per_s * dt_s
+        switch_intentions(aims[0], aims[1], lat_m, *_lanes_around(surroundings), uniform, *probabilities)
 
     def log_prior_over_tried(
         self, aims: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
@@ -79,19 +69,18 @@ class LaneKeeper:
             surroundings: What the particles knew.
             dt_s: Length of the step.
         """
-        may_begin = np.isfinite(surroundings.lane_right_m) & np.isfinite(surroundings.lane_left_m)
-        may_begin &= ~surroundings.is_hidden
-        changes = after[0] != 0.0
-        index = np.flatnonzero(changes)
-        may_begin[index] &= (after[0, index] != aims[0, index]) | (after[1, index] != aims[1, index])
-        return log_ratio_of_begun(
-            changes,
-            may_begin,
-            self.changes_per_s * dt_s,
-            self.seen_changes_per_s * dt_s,
-            surroundings.has_left_lane.astype(np.int8) + surroundings.has_right_lane,
+        ratios, log_ratio = (
+            log_ratios(self.changes_per_s * dt_s, self.seen_changes_per_s * dt_s),
+            np.empty(len(after[0])),
         )
+        look_up_changes(aims, after, *_lanes_around(surroundings), ratios, log_ratio)
+        return log_ratio
 
     def holding(self, dt_s: float) -> LaneHolding:
         """Return what one step in the lane needs."""
         return LaneHolding(self.attraction_per_s2, self.damping_per_s, self.speed_noise * float(np.sqrt(dt_s)))
+
+
+def _lanes_around(surroundings: Surroundings) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, BoolArray]:
+    lines = surroundings.lane_right_m, surroundings.lane_left_m
+    return *lines, surroundings.has_left_lane, surroundings.has_right_lane, surroundings.is_hidden

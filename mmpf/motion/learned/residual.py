@@ -121,8 +121,13 @@ def let_noise_go_on(rows: FloatArray, dt_s: float, rng: np.random.Generator) -> 
     for row, scale_s in zip(rows, TIME_SCALES_S, strict=True):
         kept = np.exp(-dt_s / scale_s)
         if kept < 1.0:
-            np.multiply(row, kept, out=row)
-            np.add(row, np.sqrt(1.0 - kept**2) * standard_normals(rng, row.shape), out=row)
+            _go_on(row, kept, np.sqrt(1.0 - kept**2), standard_normals(rng, row.shape))
+
+
+@kernel()
+def _go_on(row: FloatArray, kept: float, std: float, normal: Float32Array) -> None:
+    for n in range(len(row)):
+        row[n] = row[n] * kept + std * normal[n]
 
 
 _USUAL = tuple(np.float32(value) for value in vars(USUAL_DRIVER).values())
@@ -180,10 +185,13 @@ def approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: np
     free_speed, headway, strongest, comfortable, _, standstill = _USUAL
     braking, zero, one = np.float32(2.0) * np.sqrt(strongest * comfortable), np.float32(0.0), np.float32(1.0)
     low, high = np.float32(IDM_RANGE_MPS2[0]), np.float32(IDM_RANGE_MPS2[1])
+    per_gap = np.empty(len(added), dtype=np.float32)
+    for n in range(len(added)):
+        per_gap[n] = np.exp(-seen[0, n])
     for n in range(len(added)):
         speed, square = seen[1, n], (seen[1, n] / free_speed) * (seen[1, n] / free_speed)
         wanted_gap = standstill + max(speed * (headway + seen[3, n] / braking), zero)
-        share = wanted_gap * np.exp(-seen[0, n])
+        share = wanted_gap * per_gap[n]
         usual = min(max(strongest * (one - square * square - share * share), low), high)
         accel[n] = seen[2, n] + lag * (usual + added[n] + shift - seen[2, n])
 
