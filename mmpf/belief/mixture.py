@@ -55,25 +55,6 @@ class ParticleCloud:
         columns = {f.name: getattr(self, f.name).take(particles, axis=-1) for f in fields(self)}
         return ParticleCloud(**(columns | {"component": component}))
 
-    def stretches(
-        self, stretches: list[slice], component: IntArray, then: ParticleCloud | None = None
-    ) -> ParticleCloud:
-        """Return ranges of particles in order, then another cloud's, weights unchanged.
-
-        Args:
-            stretches: Particles to keep.
-            component: New component indices of all, ascending.
-            then: What to put behind.
-        """
-
-        def one_after_the_other(name: str) -> FloatArray:
-            values = getattr(self, name)
-            parts = [values[..., :0], *(values[..., stretch] for stretch in stretches)]
-            return np.concatenate(parts if then is None else [*parts, getattr(then, name)], axis=-1)
-
-        columns = {f.name: one_after_the_other(f.name) for f in fields(self) if f.name != "component"}
-        return ParticleCloud(component=component, **columns)
-
 
 def is_longer(time_s: FloatArray, least_s: float) -> BoolArray:
     """Return which times reach a minimum, up to rounding."""
@@ -224,11 +205,17 @@ class Mixture:
         )
 
     def _kept_cloud(self, keep: BoolArray, then: ParticleCloud | None = None) -> ParticleCloud:
-        starts = self.starts
+        """Return the particles of the kept components, followed by another cloud's, weights unchanged."""
+        starts, cloud = self.starts, self.cloud
         edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]])))
-        stretches = [slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2)]
+        stretches = [slice(0), *(slice(starts[first], starts[end]) for first, end in edges.reshape(-1, 2))]
         sizes = np.diff(starts)[keep]
         if then is not None:
             sizes = np.concatenate([sizes, np.bincount(then.component)])
-        component = np.repeat(np.arange(len(sizes)), sizes)
-        return self.cloud.stretches(stretches, component, then)
+
+        def one_after_the_other(name: str) -> FloatArray:
+            parts = [getattr(cloud, name)[..., stretch] for stretch in stretches]
+            return np.concatenate(parts if then is None else [*parts, getattr(then, name)], axis=-1)
+
+        columns = {f.name: one_after_the_other(f.name) for f in fields(cloud) if f.name != "component"}
+        return ParticleCloud(component=np.repeat(np.arange(len(sizes)), sizes), **columns)

@@ -61,34 +61,35 @@ class Moments:
         )
 
 
-def component_moments(mixture: Mixture, chosen: IntArray | None = None, weight: FloatArray | None = None) -> Moments:
-    """Return the moments of components under their particles' weights.
+def component_moments(mixture: Mixture, weight: FloatArray | None = None) -> Moments:
+    """Return the moments of the components under their particles' weights.
 
     They take a pass over the particles: whoever needs them in several places works them out once and hands them on.
 
     Args:
         mixture: The belief; weights sum to one in each component.
-        chosen: Components that are asked for, shape (m,); None for all.
         weight: The particles' weights where they are known already, shape (n,).
     """
-    which = np.arange(len(mixture)) if chosen is None else chosen
-    mean = np.zeros((STATE_SIZE, len(which)))
-    variance = np.zeros((STATE_SIZE, len(which)))
     weight = np.exp(mixture.cloud.log_weight) if weight is None else weight
+    heading = _mean_directions(mixture, weight) if mixture.has_headings else np.zeros(len(mixture))
+    return Moments(*state_moments(mixture, np.arange(len(mixture)), weight), heading, mixture.has_headings)
+
+
+def state_moments(mixture: Mixture, which: IntArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance of the states of some components, (k,), by particles' weights, (n,): each (6, k)."""
+    mean, variance = np.zeros((2, STATE_SIZE, len(which)))
     state, starts = mixture.cloud.state, mixture.starts
 
     def accumulate(begin: int, end: int) -> None:
         _accumulate_moments(begin, end, which, state, weight, starts, mean, variance)
 
     in_shares(accumulate, len(which), cost=500.0)
-    heading = _mean_directions(mixture, weight)[which] if mixture.has_headings else np.zeros(len(which))
-    return Moments(mean, variance, heading, mixture.has_headings)
+    return mean, variance
 
 
-def effective_sizes(mixture: Mixture) -> FloatArray:
-    """Return each component's effective sample size 1 / sum w^2, shape (m,)."""
-    weight = np.exp(mixture.cloud.log_weight)
-    squares = totals(np.square(weight, out=weight), mixture.starts)
+def effective_sizes(mixture: Mixture, weight: FloatArray | None = None) -> FloatArray:
+    """Return each component's effective sample size 1 / sum w^2, shape (m,); w are given where they are known."""
+    squares = totals(np.square(np.exp(mixture.cloud.log_weight) if weight is None else weight), mixture.starts)
     return np.divide(1.0, squares, out=np.zeros(len(mixture)), where=squares > 0.0)
 
 

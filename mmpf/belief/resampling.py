@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mmpf.belief.mixture import Mixture
-from mmpf.belief.moments import component_moments
+from mmpf.belief.moments import state_moments
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel, part_of_kernel
@@ -49,6 +49,7 @@ def resample_smoothly(
     particles: int,
     kernel_width: FloatArray,
     rng: np.random.Generator,
+    weight: FloatArray | None = None,
 ) -> Mixture:
     """Resample the chosen components in place and smooth their particles, else copies of few ancestors.
 
@@ -62,6 +63,7 @@ def resample_smoothly(
         particles: Particles that each of them has.
         kernel_width: h of each component, from zero to one, shape (m,).
         rng: Source of randomness.
+        weight: The particles' weights where they are known already, which are rewritten too, shape (n,).
 
     Returns:
         The belief after resampling, which is the same one.
@@ -74,8 +76,8 @@ def resample_smoothly(
     begins = starts[chosen]
     if (np.diff(starts)[chosen] != particles).any():
         raise ValueError(f"each component that is resampled in place must have {particles} particles")
-    weight = np.exp(mixture.cloud.log_weight)
-    mean = component_moments(mixture, chosen, weight).mean[list(SMOOTHED)]
+    weight = np.exp(mixture.cloud.log_weight) if weight is None else weight
+    mean = state_moments(mixture, chosen, weight)[0][list(SMOOTHED)]
     factor = kernel_width[chosen, None, None] * _covariance_factors(mixture, chosen, mean)
     kept = np.sqrt(1.0 - kernel_width[chosen] ** 2)
     offsets = rng.uniform(size=len(mixture))[chosen]
@@ -91,6 +93,8 @@ def resample_smoothly(
         )
 
     in_shares(smooth, len(chosen), cost=particles)
+    for begin in begins:
+        weight[begin : begin + particles] = np.exp(even)
     return mixture
 
 

@@ -74,7 +74,7 @@ def log_normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     relative = _below_largest(log_weight, starts)
     log_total = np.log(totals(np.exp(relative), starts))
     relative -= np.repeat(log_total, np.diff(starts))
-    return np.maximum(relative, LOG_SMALLEST)
+    return np.maximum(relative, LOG_SMALLEST, out=relative)
 
 
 def clutter_densities(detections: Detections, sensor: SensorModel) -> FloatArray:

@@ -42,7 +42,7 @@ from mmpf.joint.sources import Sources, sources_of
 from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import MotionModel, spreads_speed
 from mmpf.motion.state import LAT, LON
-from mmpf.numerics.arrays import BoolArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, taken
 from mmpf.options.filter import OTHER_SPEED_ERROR, FilterOptions, ModelErrorOptions
 from mmpf.scan import Scan, SensorModel
 from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situation, Updated
@@ -164,7 +164,8 @@ class JointUpdate:
             distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])
             reach = reach_after(sightings, before, run, distance_m, known, situation.dt_s, self.joint)
         sources = self._learned_from_hits(sources, before, moments, marginals, was_hit, situation)
-        posterior, effective_share = self._resample(replace(prior, cloud=cloud, components=sources), was_hit, rng)
+        weighed = replace(prior, cloud=cloud, components=sources)
+        posterior, weight, effective_share = self._resample(weighed, was_hit, rng)
         return Updated(
             mixture=posterior,
             was_hit=was_hit,
@@ -174,13 +175,14 @@ class JointUpdate:
             # Detections that may serve several vehicles can be explained more than once.
             false_detections=max(float(len(detections) - marginals.probability.sum()), 0.0),
             reach=reach,
+            weight=weight,
         )
 
     def remove_add_merge(self, updated: Updated, situation: Situation, rng: np.random.Generator) -> MixtureChange:
         """Remove by evidence, merge lasting overlaps, and start components from unexplained detections."""
         joint, known, dt_s = self.joint, self.known, situation.dt_s
         hidden_after_s = self.options.reporting.hidden_after_s
-        moments, sources = component_moments(updated.mixture), sources_of(updated.mixture)
+        moments, sources = component_moments(updated.mixture, updated.weight), sources_of(updated.mixture)
         alive = worth_keeping(sources, moments, situation, joint.removal)
         mixture, keep = merge_lasting_overlaps(updated.mixture, moments, alive, joint.merging, hidden_after_s, dt_s)
         learned = with_sources(known.false_objects.after(dt_s, joint.false_objects.memory_s), sources, ~alive)
@@ -198,7 +200,7 @@ class JointUpdate:
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
 
         self._learn(updated, learned, dt_s)
-        added = component_moments(mixture, np.arange(len(mixture) - len(chosen), len(mixture)))
+        added = component_moments(mixture.keep(np.arange(len(mixture)) >= keep.sum()))
         merged = int((alive & ~keep).sum())
         return MixtureChange(mixture, moments.take(keep).followed_by(added), int((~alive).sum()), len(chosen), merged)
 
@@ -254,16 +256,19 @@ class JointUpdate:
             sources = with_innovations(sources, moments, hit, by, situation)
         return sources if sizes is None else with_measured_sizes(sources, hit, taken(sizes, by))
 
-    def _resample(self, posterior: Mixture, was_hit: BoolArray, rng: np.random.Generator) -> tuple[Mixture, float]:
+    def _resample(
+        self, posterior: Mixture, was_hit: BoolArray, rng: np.random.Generator
+    ) -> tuple[Mixture, FloatArray, float]:
         particles, options = self.options.particles, self.joint.resampling
+        weight = np.exp(posterior.cloud.log_weight)
         if len(posterior) == 0:
-            return posterior, 1.0
-        effective_size = effective_sizes(posterior)
+            return posterior, weight, 1.0
+        effective_size = effective_sizes(posterior, weight)
         young = was_hit & ~is_longer(sources_of(posterior).detected_s, options.young_s)
         resampled = effective_size < np.where(young, YOUNG_EFFECTIVE_SHARE, options.effective_share) * particles
         kernel_width = np.where(young, 1.0, options.kernel_width)
-        posterior = resample_smoothly(posterior, resampled, particles, kernel_width, rng)
-        return posterior, float(effective_size.mean() / particles)
+        posterior = resample_smoothly(posterior, resampled, particles, kernel_width, rng, weight)
+        return posterior, weight, float(effective_size.mean() / particles)
 
     def _learn(self, updated: Updated, learned: FalseObjects, dt_s: float) -> None:
         """Learn about sensor and sources from the scan, for the next scan on."""

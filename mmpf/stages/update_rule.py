@@ -70,6 +70,7 @@ class Updated:
         effective_share: Mean effective sample size after weighting, as a share of the particles.
         false_detections: Expected number of detections of the scan that no vehicle gave; None if the rule does not say.
         reach: How well the sensor sees at each distance, after the scan; None if the rule does not say.
+        weight: The particles' weights, shape (n,); None if the rule does not say.
     """
 
     mixture: Mixture
@@ -79,6 +80,7 @@ class Updated:
     effective_share: float
     false_detections: float | None = None
     reach: Reach | None = None
+    weight: FloatArray | None = None
 
 
 @dataclass(frozen=True)
