@@ -36,7 +36,9 @@ def conclusion(comparison: Judgement) -> str:
         return f"Worse: b is worse in {worse}. {found}"
     if outcome == UNDECIDED:
         return f"Undecided. {found}"
-    return f"No worse: b is nowhere worse by more than {100 * comparison.rules.tolerance:g} %. {found}"
+    own = any(limit.tolerance is not None for limit in comparison.rules.limits.values())
+    allowed = "the tolerance of each metric" if own else f"{100 * comparison.rules.tolerance:g} %"
+    return f"No worse: b is nowhere worse by more than {allowed}. {found}"
 
 
 def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
@@ -115,8 +117,8 @@ def _screen_table(comparison: Judgement, label: str) -> Table:
         name, a, b, difference, interval, _, pairs, word = cells(verdict)
         told = word if verdict.verdict != UNTESTED else ""
         rows.append((name, a, b, difference.partition(" ")[0], interval, pairs, told))
-    table = Table(title=label, box=None, title_justify="left", padding=(0, 1, 0, 0))
-    for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "pairs", "b is")):
+    table = Table(title=f"{label}; n pairs", box=None, title_justify="left", padding=(0, 1, 0, 0), pad_edge=False)
+    for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "n", "b is")):
         # Of what does not fit, names give way, never numbers.
         width = max((len(row[place]) for row in rows), default=0) if place else None
         table.add_column(heading, justify="left" if place in (0, 6) else "right", no_wrap=place > 0, min_width=width)
@@ -127,7 +129,12 @@ def _screen_table(comparison: Judgement, label: str) -> Table:
 
 def _screen_causes(why: Why) -> Table:
     heading, *rows = _causes(why)
-    table = Table(title="why", box=None, title_justify="left", padding=(0, 2, 0, 0))
+    table = Table(
+        title="Causes of identity switches and lost hidden tracks, counts",
+        box=None,
+        title_justify="left",
+        padding=(0, 2, 0, 0),
+    )
     for place, name in enumerate(heading):
         table.add_column(name, justify="right" if place else "left", no_wrap=True)
     for row in rows:

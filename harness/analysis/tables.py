@@ -106,7 +106,7 @@ DEFINITION = (
 def break_sentence(entry: Break) -> str:
     """Return a sentence on where a tracker breaks."""
     if entry.held_to is None:
-        return f"{entry.label}: fewer than {FEWEST_EVENTS} occlusions at each density, too few to find its limit"
+        return f"{entry.label}: fewer than {FEWEST_EVENTS} occlusions at each density, too few to say where it breaks"
     kept = f"{BREAK_PERCENT:g} % of the identities after occlusions"
     if entry.density is None:
         return f"{entry.label}: up to {entry.held_to:g} veh/km/lane, keeps at least {kept}"

@@ -14,7 +14,7 @@ from rich.table import Table
 
 INTERVAL = re.compile(r"([-+\d.,]+(?: %)?) (\[[-+\d., ]+\])")
 """A value with its interval, which goes on a line of its own in a narrow column."""
-WIDEST_NAME = 30
+WIDEST_NAME = 32
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -17,7 +17,8 @@ def progress_bar(title: str, total: int, quiet: bool, before: str = "") -> Itera
     """
     times = "elapsed", TimeElapsedColumn(), "left", TimeRemainingColumn()
     columns = "{task.description}", BarColumn(), MofNCompleteColumn(), *times
-    with Progress(*columns, console=Console(stderr=True), disable=quiet, transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as bar:
         task = bar.add_task(before or title, total=total)
 
         def advance() -> None:

@@ -36,8 +36,8 @@ PRINTED = ("hidden", "pseudo_occlusion")
 ANEES, ANEES_HIDDEN = "calibration.anees.visible", "calibration.anees.hidden"
 IN_WORDS: Mapping[str, Mapping[str, Any]] = {
     "mot.id_switches": {"label": "identity switches in sight", "heading": "identity switches", "decimals": 0},
-    "mot.missed": {"heading": "vehicle-steps missed"},
-    "mot.false_tracks": {"heading": "track-steps false"},
+    "mot.missed": {"heading": "vehicle-steps without a track"},
+    "mot.false_tracks": {"heading": "track-steps without a vehicle"},
     ANEES: {"label": "ANEES of tracks on vehicles that are not hidden"},
     ANEES_HIDDEN: {"label": "ANEES of tracks on hidden vehicles"},
 }
@@ -125,7 +125,7 @@ def _table(title: str, first: str, *others: str) -> Table:
 
 
 def _error_table(mae: Mapping[str, Any]) -> Table:
-    title = "Mean absolute error while followed (share of vehicle-steps), along (lon) and across (lat) the road"
+    title = "Mean absolute error of followed vehicles, along (lon) and across (lat) the road"
     table = _table(title, "vehicles", *(heading for _, heading in MAE_COLUMNS), "followed")
     for key, name in VISIBILITY_ROWS:
         row = mae[key]
@@ -135,7 +135,7 @@ def _error_table(mae: Mapping[str, Any]) -> Table:
 
 
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
-    title = "Tracks against truth (missed: no track on a vehicle; false: no vehicle at a track)"
+    title = "Tracks against truth"
     table = _table(title, "score", "in sight", "detected in last 10 s")
     for column in mot_columns():
         if column.key not in BESIDE:
@@ -159,14 +159,15 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"{elsewhere:.0f} a track elsewhere"
     )
     road = (
-        f"{number(traffic['density_veh_per_km_lane'], 1)} veh/km/lane, {number(traffic['flow_veh_per_h'], 0)} veh/h, "
-        f"{number(traffic['mean_speed_mps'], 1)} m/s, "
+        f"{number(traffic['density_veh_per_km_lane'], 1)} vehicles per km and lane, "
+        f"{number(traffic['flow_veh_per_h'], 0)} per hour, at {number(traffic['mean_speed_mps'], 1)} m/s; "
     )
-    road = f"Traffic: {road if traffic['flow_veh_per_h'] else ''}{number(traffic['vehicles_in_range'], 1)} in range"
+    in_range = number(traffic["vehicles_in_range"], 1)
+    road = f"Traffic: {road if traffic['flow_veh_per_h'] else ''}{in_range} within the sensor's range"
     speed = (
-        f"Time: {timing['steps']} steps of traffic, sensor and tracker {number(timing['realtime_factor'], 1)} times as "
-        f"fast as real time, the tracker {number(timing['tracker_ms']['p50'], 1)} ms a step; "
-        f"{number(timing['total_s'], 1)} s in all, with loading, warm-up, scoring and drawing"
+        f"Time: {number(timing['total_s'], 1)} s. The {timing['steps']} steps ran at "
+        f"{number(timing['realtime_factor'], 1)} times real time; the tracker took "
+        f"{number(timing['tracker_ms']['p50'], 1)} ms a step (median)"
     )
     plain, driver = _plain_view(metrics.get("in_plain_view") or {}), decision_sentence(metrics)
     lines = (plain, events, driver, "What scores mean: docs/explanation/scores.md", road, speed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import typer
@@ -15,6 +15,9 @@ from harness.common.numbers import as_json, without_nan
 from harness.common.progress import progress_bar
 from harness.lab.against import PAIRS, time_ratios
 from harness.lab.bench import BenchPlan, run_bench
+
+SHOWN = {"ms_p50": "median ms", "ms_p95": "p95 ms", "cpu_ms_p50": "CPU ms", "peak_mb": "peak MB", "tracks": "tracks"}
+"""What the terminal shows of each row of ``bench.json``, with headings."""
 
 
 def measure(options: Mapping[str, Any]) -> int:
@@ -46,20 +49,29 @@ def measure(options: Mapping[str, Any]) -> int:
 
 
 def _table(result: Mapping[str, Any]) -> str:
-    """Return the table as Markdown; a dash stands where the tracker's time was up."""
+    """Return the tables as Markdown; a dash stands where the tracker's time was up."""
 
-    def cell(value: object) -> str:
-        return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
+    def lines(title: str, headings: Iterable[str], rows: Iterable[Iterable[object]]) -> list[str]:
+        return [f"## {title}", "", *markdown_table([*headings], [[*map(_cell, row)] for row in rows]), ""]
 
     if "against" in result:
-        title, rows = "Processor time of a step, now and then", result["against"]
-    else:
-        title, rows = "Time of a step and its stages, median in ms", []
-        for row in result["rows"]:
-            stages = ", ".join(f"{stage} {cell(ms)}" for stage, ms in row["stages_ms_p50"].items()) or "-"
-            rows.append({name: row[name] for name in row if name != "stages_ms_p50"} | {"stages": stages})
-    table = markdown_table(list(rows[0]), [[*map(cell, row.values())] for row in rows])
-    return "\n".join([f"## {title}", "", *table, ""])
+        rows = result["against"]
+        return "\n".join(lines("Processor time of a step, now and then", rows[0], (row.values() for row in rows)))
+    # In one column, which every part of a table that is wider than the screen begins with.
+    first = "tracker, vehicles"
+    found = {f"{row['tracker']} {row['model'] or ''}".strip() + f", {row['vehicles']}": row for row in result["rows"]}
+    text = lines(
+        "Time of a step", (first, *SHOWN.values()), ((name, *map(of.get, SHOWN)) for name, of in found.items())
+    )
+    took = {name: row["stages_ms_p50"] for name, row in found.items() if row["stages_ms_p50"]}
+    stages = dict.fromkeys(stage for of_row in took.values() for stage in of_row)
+    shown = ((name, *map(of_row.get, stages)) for name, of_row in took.items())
+    headings = (first, *(stage.replace("_", " ") for stage in stages))
+    return "\n".join([*text, *(lines("Time of its stages, median ms", headings, shown) if took else ())])
+
+
+def _cell(value: object) -> str:
+    return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
 def _counts(text: str) -> tuple[int, ...]:

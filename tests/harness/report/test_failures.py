@@ -170,7 +170,7 @@ def test_the_screen_and_the_page_tell_recall_and_an_old_run_has_none(run, capsys
     print_summary(known, run.folder)
     screen = " ".join(capsys.readouterr().err.split())
     assert "97.2 % of the time (worst tenth 12.0 %); 1 of 28 vehicles never got one; tracks lost: 2" in screen
-    assert "track-steps false 7 of 450" in screen
+    assert "track-steps without a vehicle 7 of 450" in screen
     assert "worst tenth %" in str(mot_table(old))
     print_summary(old, run.folder)
     assert "In plain view" not in capsys.readouterr().err
