@@ -64,7 +64,7 @@ def run(commands: str, folder: Path) -> str:
     done = subprocess.run(
         ["bash", "-e", "-c", commands],
         cwd=folder,
-        env=os.environ | {"PATH": paths, "PYTHONPATH": str(ROOT), "COLUMNS": "88", "NO_COLOR": "1"},
+        env=os.environ | {"PATH": paths, "PYTHONPATH": str(ROOT), "COLUMNS": "80", "NO_COLOR": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
