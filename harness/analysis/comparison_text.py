@@ -37,7 +37,7 @@ def conclusion(comparison: Judgement) -> str:
     if outcome == UNDECIDED:
         return f"Undecided. {found}"
     own = any(limit.tolerance is not None for limit in comparison.rules.limits.values())
-    allowed = "the tolerance of each metric" if own else f"{100 * comparison.rules.tolerance:g} %"
+    allowed = "the tolerance" if own else f"{100 * comparison.rules.tolerance:g} %"
     return f"No worse: b is nowhere worse by more than {allowed}. {found}"
 
 
@@ -130,10 +130,7 @@ def _screen_table(comparison: Judgement, label: str) -> Table:
 def _screen_causes(why: Why) -> Table:
     heading, *rows = _causes(why)
     table = Table(
-        title="Causes of identity switches and lost hidden tracks, counts",
-        box=None,
-        title_justify="left",
-        padding=(0, 2, 0, 0),
+        title="Causes of switches and lost hidden tracks, counts", box=None, title_justify="left", padding=(0, 2, 0, 0)
     )
     for place, name in enumerate(heading):
         table.add_column(name, justify="right" if place else "left", no_wrap=True)

@@ -15,9 +15,8 @@ def progress_bar(title: str, total: int, quiet: bool, before: str = "") -> Itera
 
     Before the first step it says ``before``, or the title.
     """
-    times = "elapsed", TimeElapsedColumn(), "left", TimeRemainingColumn()
+    times, console = ("elapsed", TimeElapsedColumn(), "left", TimeRemainingColumn()), Console(stderr=True)
     columns = "{task.description}", BarColumn(), MofNCompleteColumn(), *times
-    console = Console(stderr=True)
     with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as bar:
         task = bar.add_task(before or title, total=total)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import typer
@@ -16,22 +16,14 @@ from harness.common.progress import progress_bar
 from harness.lab.against import PAIRS, time_ratios
 from harness.lab.bench import BenchPlan, run_bench
 
-SHOWN = {"ms_p50": "median ms", "ms_p95": "p95 ms", "cpu_ms_p50": "CPU ms", "peak_mb": "peak MB", "tracks": "tracks"}
-"""What the terminal shows of each row of ``bench.json``, with headings."""
-
 
 def measure(options: Mapping[str, Any]) -> int:
     """Run ``bench`` with the given options and return the exit code; raises ``InputError`` where they are wrong."""
     out, quiet, against = options["out"], options["quiet"], options["against"]
+    counts = _counts(options["vehicles"] or ("50" if against else "10,25,50,100,200"))
     trackers = options["trackers"] or ("mmpf:residual" if against else "")
-    plan = BenchPlan(
-        vehicles=_counts(options["vehicles"] or ("50" if against else "10,25,50,100,200")),
-        trackers=tuple(name.strip() for name in trackers.split(",") if name.strip()),
-        particles=options["particles"],
-        steps=options["steps"],
-        seed=options["seed"],
-        budget_s=options["budget"],
-    )
+    names = tuple(name.strip() for name in trackers.split(",") if name.strip())
+    plan = BenchPlan(counts, names, *(options[name] for name in ("particles", "steps", "seed", "budget")))
     steps = len(plan.vehicles) * (PAIRS * len(plan.trackers) * (plan.steps - 1) if against else plan.steps)
     with progress_bar("bench", steps, quiet, before="bench: compiling, warming up") as advance:
         if against:
@@ -49,29 +41,24 @@ def measure(options: Mapping[str, Any]) -> int:
 
 
 def _table(result: Mapping[str, Any]) -> str:
-    """Return the tables as Markdown; a dash stands where the tracker's time was up."""
+    """Return the table as Markdown; a dash stands where the tracker's time was up, or that has no such stage."""
 
-    def lines(title: str, headings: Iterable[str], rows: Iterable[Iterable[object]]) -> list[str]:
-        return [f"## {title}", "", *markdown_table([*headings], [[*map(_cell, row)] for row in rows]), ""]
+    def cell(value: object) -> str:
+        return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
 
     if "against" in result:
-        rows = result["against"]
-        return "\n".join(lines("Processor time of a step, now and then", rows[0], (row.values() for row in rows)))
-    # In one column, which every part of a table that is wider than the screen begins with.
-    first = "tracker, vehicles"
-    found = {f"{row['tracker']} {row['model'] or ''}".strip() + f", {row['vehicles']}": row for row in result["rows"]}
-    text = lines(
-        "Time of a step", (first, *SHOWN.values()), ((name, *map(of.get, SHOWN)) for name, of in found.items())
-    )
-    took = {name: row["stages_ms_p50"] for name, row in found.items() if row["stages_ms_p50"]}
-    stages = dict.fromkeys(stage for of_row in took.values() for stage in of_row)
-    shown = ((name, *map(of_row.get, stages)) for name, of_row in took.items())
-    headings = (first, *(stage.replace("_", " ") for stage in stages))
-    return "\n".join([*text, *(lines("Time of its stages, median ms", headings, shown) if took else ())])
-
-
-def _cell(value: object) -> str:
-    return "-" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
+        title, rows = "Processor time of a step, now and then", result["against"]
+    else:
+        title, rows = "Time of a step and its stages, median in ms", []
+        stages = dict.fromkeys(stage for row in result["rows"] for stage in row["stages_ms_p50"])
+        for row in result["rows"]:
+            # In one column, which every part of a table that is wider than the screen begins with.
+            name = {"tracker, vehicles": f"{row['tracker']} {row['model'] or ''}".strip() + f", {row['vehicles']}"}
+            shown = {key: row[key] for key in ("ms_p50", "ms_p95", "cpu_ms_p50", "peak_mb", "tracks")}
+            rows.append(name | shown | {stage: row["stages_ms_p50"].get(stage) for stage in stages})
+    headings = [key.replace("_", " ") for key in rows[0]]
+    table = markdown_table(headings, [[*map(cell, row.values())] for row in rows])
+    return "\n".join([f"## {title}", "", *table, ""])
 
 
 def _counts(text: str) -> tuple[int, ...]:
