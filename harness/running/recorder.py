@@ -19,7 +19,6 @@ from mmpf.tracks import Tracks
 
 Columns = dict[str, npt.NDArray[Any]]
 Rows = pd.DataFrame | Columns
-FRAME_COLUMNS = [column for column in TABLES[TRUTH].columns if column.name in {each.name for each in fields(Frame)}]
 
 TRACK_DECIMALS = 4
 STRETCH_ROWS = 300_000
@@ -113,7 +112,8 @@ def rows_by_step(columns: Columns) -> dict[int, Columns]:
 def frame_of(rows: Rows) -> Frame:
     """Return the frame that one step's rows of the truth table record; its ``ego`` is -1 where no row ``is_ego``."""
     egos = np.flatnonzero(np.asarray(rows["is_ego"], dtype=bool))
-    arrays = {column.name: _values(rows, column) for column in FRAME_COLUMNS if column.name in rows}
+    names = {each.name for each in fields(Frame)} & set(rows)
+    arrays = {column.name: _values(rows, column) for column in TABLES[TRUTH].columns if column.name in names}
 
     def first(name: str, default: float | str) -> Any:  # noqa: ANN401
         return np.asarray(rows[name])[0] if name in rows else default
