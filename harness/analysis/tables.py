@@ -25,14 +25,7 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
     lines = [f"# {title}", "", f"Means over seeds with 95 % intervals over seeds. {HOTA_NOTE}", ""]
     if broken:
-        lines += [
-            "## Where each tracker breaks",
-            "",
-            *(f"- {break_sentence(entry)}" for entry in broken),
-            "",
-            DEFINITION,
-            "",
-        ]
+        lines += ["## Where each tracker breaks", "", *(f"- {break_sentence(at)}" for at in broken), "", DEFINITION, ""]
     for axis in dict.fromkeys(point.axis for point in points):
         lines += [f"## {heading_of(axis)}", ""]
         for heading, columns in _themes({point.metric for point in points}):

@@ -73,12 +73,7 @@ class CalibrationOptions(TypedDict):
     ]
     step: Annotated[
         float,
-        Option(
-            "Share of the error that the first step corrects; later steps correct less.",
-            default=0.9,
-            least=0.1,
-            most=1.0,
-        ),
+        Option("Share of the error that the first step corrects; later ones less.", default=0.9, least=0.1, most=1.0),
     ]
     keep_drivers: Annotated[bool, Option("Fit only the demands, so that trained models stay valid.", default=False)]
     fresh: Annotated[bool, Option("Start from the measurements instead of the existing calibration.", default=False)]

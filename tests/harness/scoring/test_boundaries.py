@@ -52,11 +52,8 @@ def test_parts_of_clear_add_up():
 
 
 def test_parts_of_the_detections_noise_add_up():
-    assert detection_noise([NoisePart(3.0, 1.0, 4), NoisePart(1.0, 0.5, 1)], None) == {
-        "lon_m": 0.8,
-        "lat_m": 0.3,
-        "n": 5,
-    }
+    both = detection_noise([NoisePart(3.0, 1.0, 4), NoisePart(1.0, 0.5, 1)], None)
+    assert both == {"lon_m": 0.8, "lat_m": 0.3, "n": 5}
     nothing = detection_noise([NoisePart(0.0, 0.0, 0)], None)
     assert (np.isnan(nothing["lon_m"]), np.isnan(nothing["lat_m"]), nothing["n"]) == (True, True, 0)
 

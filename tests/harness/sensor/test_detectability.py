@@ -27,15 +27,8 @@ def test_a_vehicle_keeps_its_detectability_all_along():
 
 
 def test_factors_have_the_asked_for_share_mean_and_least():
-    settings = sensor_settings(
-        "lidar",
-        {
-            "detectability_share": 0.3,
-            "detectability_least": 0.4,
-            "detectability_mean": 0.7,
-            "detectability_spread": 0.15,
-        },
-    )
+    asked = {"share": 0.3, "least": 0.4, "mean": 0.7, "spread": 0.15}
+    settings = sensor_settings("lidar", {f"detectability_{name}": value for name, value in asked.items()})
     factor = drawn_factors(settings, 20_000, np.random.default_rng(1))
     hard = factor[factor < 1.0]
     assert len(hard) / 20_000 == pytest.approx(0.3, abs=0.01)

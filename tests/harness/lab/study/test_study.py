@@ -106,11 +106,8 @@ def test_the_same_seed_gives_the_same_rows(result, cases):
 def test_a_sentence_names_the_models_by_their_error_at_the_longest_horizon_before_the_table(result):
     page = as_markdown(result, {"seed": 0})
     for occlusion in (PARTIAL, COMPLETE):
-        last = {
-            row["model"]: row["lon_m"]
-            for row in result.rows
-            if row["occlusion"] == occlusion and row["horizon_s"] == 5.0
-        }
+        rows = [row for row in result.rows if row["occlusion"] == occlusion and row["horizon_s"] == 5.0]
+        last = {row["model"]: row["lon_m"] for row in rows}
         told = page.partition(f"## {occlusion.capitalize()} occlusion")[2].split("\n")[2]
         assert told.startswith("After 5 s ")
         named = [model for _, model in sorted((told.index(f" {model} "), model) for model in last)]

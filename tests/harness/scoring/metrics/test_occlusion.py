@@ -83,12 +83,7 @@ def test_three_seconds_part_short_from_long_events():
 
 @pytest.mark.parametrize(
     "scene",
-    [
-        occluded(back=GONE + 3),
-        occluded(back=GONE - 1 + 101, end=170),
-        occluded(hidden_share=0.6),
-        occluded(end=BACK + 5),
-    ],
+    [occluded(back=GONE + 3), occluded(back=GONE + 100, end=170), occluded(hidden_share=0.6), occluded(end=BACK + 5)],
     ids=["shorter than 0.5 s", "longer than 10 s", "in plain view for too much of it", "over before it can be judged"],
 )
 def test_what_is_no_occlusion_event(scene):

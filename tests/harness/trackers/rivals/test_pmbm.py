@@ -41,11 +41,8 @@ from tests.harness.trackers.rivals.close_targets import (
 
 SETTING = TrackerSetting(highway(), SensorModel(), np.random.default_rng(0))
 EVERYTHING = Pruning(gate_std=1e6, limits=HypothesisLimits(10**12, 1e-30), least_existence=1e-12)
-SCANS = [
-    np.array([[100.0, 100.0], [104.0, 99.0]]),
-    np.array([[101.0, 100.5], [103.0, 99.5]]),
-    np.array([[102.0, 100.0]]),
-]
+PLACES = ((100.0, 100.0), (104.0, 99.0)), ((101.0, 100.5), (103.0, 99.5)), ((102.0, 100.0),)
+SCANS = [np.array(places) for places in PLACES]
 
 
 def posterior_of_all_histories() -> tuple[dict[frozenset, float], float]:

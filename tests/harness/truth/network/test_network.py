@@ -75,9 +75,7 @@ BY_NET = '<configuration><input><net-file value="bad.net.xml"/></input></configu
             ({"bad.sumocfg": content}, "bad.sumocfg", "")
             for content in (
                 "",
-                "<configuration/>",
-                "<configuration",
-                '<configuration><net-file value="x"/></configuration>',
+                *(f"<configuration{rest}" for rest in ("/>", "", '><net-file value="x"/></configuration>')),
             )
         ),
         *(({"network.toml": content}, "", r"network\.toml") for content in ("[", "description = 1", "unknown = true")),

@@ -25,14 +25,8 @@ MIDDLES = {
     "s to e": ((1.75, -BOX_M, NORTH), (BOX_M, -1.75, EAST)),
     "s to w": ((1.75, -BOX_M, NORTH), (-BOX_M, 1.75, WEST)),
 }
-ENTRY = {
-    "w to e": "w_in_left",
-    "w to s": "w_in_right",
-    "e to w": "e_in",
-    "e to s": "e_in",
-    "s to e": "s_in",
-    "s to w": "s_in",
-}
+ENTRY = {"w to e": "w_in_left", "w to s": "w_in_right"}
+ENTRY |= {"e to w": "e_in", "e to s": "e_in", "s to e": "s_in", "s to w": "s_in"}
 FOLLOW = {
     **{lane: tuple(path for path, entry in ENTRY.items() if entry == lane) for lane in set(ENTRY.values())},
     **{path: (f"{path[-1]}_out",) for path in ENTRY},
