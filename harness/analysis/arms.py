@@ -70,7 +70,7 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
         label=arms.label,
         quantity=arms.quantity,
         a=_mean(a),
-        b=_mean(b),
+        b=_mean(b if len(b) else arms.b[np.isfinite(arms.b)]),
         effect=effect,
         pairs=min(len(a), len(b)),
         same=layout.paired and bool((a == b).all()),
@@ -79,20 +79,21 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
 
 
 def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0) -> str:
-    """Return a sentence on the values that a has and b lacks; empty where few are missing or a has none.
+    """Return a sentence on the values that one arm has and the other lacks; empty where few are missing.
 
     Args:
         a: Which values of the first arm are there, shape (n,).
         b: Likewise of the second, shape (n,) where paired, else of any length.
         paired: Whether they belong together one by one.
-        tolerated: Share of a's values that may be lost.
+        tolerated: Share of a's values that may be lost; where none may, a must have what b has too.
     """
-    if not a.any():
-        return ""
-    if not b.any():
-        return "b has no value of it"
+    if a.any() != b.any():
+        return "b has no value of it" if a.any() else "" if tolerated else "a has no value of it"
     lost = int((a & ~b).sum()) if paired else max(0, int((~b).sum()) - int((~a).sum()))
-    return f"b lacks {lost} of the {int(a.sum())} values that a has" if lost > tolerated * a.sum() else ""
+    if lost > tolerated * a.sum():
+        return f"b lacks {lost} of the {int(a.sum())} values that a has"
+    more = int((b & ~a).sum()) if paired and not tolerated else 0
+    return f"a lacks {more} of the {int(b.sum())} values that b has" if more else ""
 
 
 def _in_proportion(ratios: FloatArray, totals: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import pandas as pd
 from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
 from harness.analysis.coasting_ratio import RATIO_TOTALS, with_ratios
 from harness.analysis.experiments import differing, differing_code, on_other_traffic
-from harness.analysis.single import FOLLOWED, compare_runs, label_of, notes_of
+from harness.analysis.single import FOLLOWED, compare_runs, label_of, notes_of, seen_differently
 from harness.analysis.sources import SETTING, Source
 from harness.analysis.verdicts import (
     NO_WORSE,
@@ -33,6 +33,8 @@ from harness.common.errors import InputError
 from harness.common.numbers import without_nan
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
 from harness.storage.grid_rows import column_of
+from harness.storage.manifest import unproven
+from harness.storage.run_folder import COMPLETE
 from mmpf.numerics.arrays import FloatArray
 
 HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
@@ -74,21 +76,25 @@ class Judgement:
         return any(verdict.regression for verdict in self.verdicts)
 
     @property
+    def missing(self) -> tuple[str, ...]:
+        """What is missing of both sides' runs, and of the metrics that were chosen, a sentence each."""
+        if not self.primary:
+            return (*self.wanting, "None of the metrics that are judged has values on both sides.")
+        valueless = [each.metric for each in self.verdicts if each.primary and each.verdict == UNTESTED]
+        unknown = [name_of(metric) for metric in valueless if self.rules.names(metric)]
+        return (*self.wanting, *([f"Neither side has a value of {_some(unknown)}."] if unknown else []))
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """Why nothing may be concluded, a sentence each; empty where something may be."""
         lacking: dict[str, list[str]] = {}
         for verdict in self.verdicts:
-            if verdict.wanting and verdict.wanting != TOO_FEW:
+            if verdict.wanting not in ("", TOO_FEW):
                 lacking.setdefault(f"{verdict.label}: {verdict.wanting}", []).append(name_of(verdict.metric))
         of_metrics = [f"{why} ({_some(names)})." for why, names in lacking.items()]
-        unsure = [
-            verdict
-            for verdict in self.verdicts
-            if verdict.verdict == UNDECIDED and (not verdict.wanting or verdict.wanting == TOO_FEW)
-        ]
+        unsure = [each for each in self.verdicts if each.verdict == UNDECIDED and each.wanting in ("", TOO_FEW)]
         of_scatter = [self._more_needed(unsure)] if unsure else []
-        nothing = [] if self.primary else ["None of the metrics that are judged has values on both sides."]
-        return (*self.wanting, *of_metrics, *of_scatter, *nothing)
+        return (*self.missing, *of_metrics, *of_scatter)
 
     @property
     def outcome(self) -> str:
@@ -141,10 +147,15 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         if not len(side.rows):
             raise InputError(f"compare: every run of {side.name} failed, so there is nothing to compare; run it again")
     differs = _differing(a, b, allow_different)
+    told = [line for side in {a.folder: a, b.folder: b}.values() for line in unproven(side.folder, side.manifest)]
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
+        if unlike := seen_differently(a, b):
+            _refuse_unless(allow_different, a, b, [_some(unlike)])
+            differs = (_some(unlike), *differs)
         singly, why = compare_runs(a, b, rules)
         verdicts = _with_values(judge(singly, rules))
-        return Judgement(a.name, b.name, verdicts, tuple(notes_of(a, b)), rules, "vehicles", (), why, differs)
+        notes = (*told, *notes_of(a, b))
+        return Judgement(a.name, b.name, verdicts, notes, rules, "vehicles", (), why, differs)
     arms: list[Arms] = []
     wanting = _missing_runs(a, b)
     units, compared, other = "seeds", 0, 0
@@ -177,7 +188,6 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         differs = (f"traffic or detections of {other} of {compared} pairs, so that nothing is paired", *differs)
     measured = [measure(arm, 0.0 if rules.judges(arm.quantity) else TOLERATED_LOSS) for arm in arms]
     verdicts = _with_values(judge(measured, rules))
-    told: list[str] = []
     if not all(arm.layout.paired for arm in arms):
         told.append("Nothing is paired: whole arms are compared, which shows only larger differences than pairs do.")
     if not (closed_loop or _in_one_run(a, b)):
@@ -233,6 +243,8 @@ def _missing_runs(a: Source, b: Source) -> list[str]:
     for side, name in ((a, "a"), (b, "b")):
         if side.failed:
             missing.append(f"{side.failed} runs of {name} failed; make them again by --resume --retry-failed.")
+        if side.manifest.get("status", COMPLETE) != COMPLETE:
+            missing.append(f"{name} was not finished; make the rest by --resume.")
     gone = [label for label in a.labels if label not in b.labels]
     if gone and any(label in b.labels for label in a.labels):
         missing.append(
@@ -280,11 +292,8 @@ def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
     """Warn where the errors of hidden vehicles cover only those that a tracker kept."""
 
     def labels(metrics: tuple[str, ...], ends: tuple[bool, bool]) -> set[str]:
-        return {
-            verdict.label
-            for verdict in verdicts
-            if verdict.metric in metrics and tuple(end < 0.0 for end in verdict.ci95) == ends
-        }
+        falls = [each for each in verdicts if tuple(end < 0.0 for end in each.ci95) == ends]
+        return {each.label for each in falls if each.metric in metrics}
 
     falling = (True, True)
     return [

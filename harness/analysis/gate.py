@@ -80,7 +80,7 @@ def as_junit(comparison: Judgement) -> str:
         case = ElementTree.SubElement(suite, "testcase", classname=_plain(verdict.label), name=_plain(verdict.metric))
         _tell(case, verdict.verdict, in_a_line(verdict))
     whole = ElementTree.SubElement(suite, "testcase", classname=SUITE, name=WHOLE)
-    missing = (*comparison.wanting, *(() if judged else comparison.reasons))
+    missing = comparison.missing if judged else comparison.reasons
     _tell(whole, UNDECIDED if missing else "", " ".join(missing))
     counts = {"tests": suite.iter("testcase"), "failures": suite.iter("failure"), "skipped": suite.iter("skipped")}
     for name, found in counts.items():
@@ -95,7 +95,7 @@ def as_summary(comparison: Judgement, pages: str | None = None) -> str:
 
     ``pages`` is the address below which the folders' pages lie; None where nothing leads to them.
     """
-    reasons = comparison.reasons if comparison.outcome != WORSE else comparison.wanting
+    reasons = comparison.reasons if comparison.outcome != WORSE else comparison.missing
     lines = [f"### {conclusion(comparison)}", "", *(f"- {reason}" for reason in reasons)]
     lines += [f"- Differs: {what}" for what in comparison.differing] + [""]
     rows = [[verdict.label, *cells(verdict)] for verdict in comparison.primary]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from harness.analysis.arms import lost_values
+from harness.analysis.arms import TOLERATED_LOSS, lost_values
 from harness.analysis.sources import Source
 from harness.analysis.vehicles import (
     ByVehicle,
@@ -22,7 +22,7 @@ from harness.analysis.vehicles import (
 )
 from harness.analysis.verdicts import MetricDifference, Rules, compared_quantities
 from harness.analysis.why import Why, failures
-from harness.common.effects import Effect, neighbours_effect
+from harness.common.effects import NOTHING, Effect, neighbours_effect
 from harness.common.errors import InputError
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.gathered import Evidence, gather
@@ -54,9 +54,8 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDiffere
     its own have no interval.
 
     Raises:
-        InputError: They are on different traffic.
+        InputError: A table of theirs is missing or broken.
     """
-    _check_same_traffic(a, b)
     first, second = evidence_of(a.folder), evidence_of(b.folder)
     truth = first.rows.truth
     vehicles = int(truth.vehicle.max(initial=-1)) + 1
@@ -66,10 +65,9 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDiffere
 
     def measured(quantity: Quantity) -> MetricDifference:
         whole = [column_of(side.rows, quantity.key) for side in (a, b)]
-        if wanting := lost_values(np.isfinite(whole[0]), np.isfinite(whole[1]), True):
-            return MetricDifference(
-                label, quantity, float(whole[0][0]), np.nan, Effect(np.nan, np.nan, 0.0), 0, False, wanting
-            )
+        there, tolerated = np.isfinite(whole), 0.0 if rules.judges(quantity) else TOLERATED_LOSS
+        if wanting := lost_values(there[0], there[1], True, tolerated):
+            return MetricDifference(label, quantity, float(whole[0][0]), float(whole[1][0]), NOTHING, 0, False, wanting)
         if quantity.key in BY_VEHICLE:
             sides = [BY_VEHICLE[quantity.key](evidence, vehicles) for evidence in (first, second)]
             return _of_sides(label, quantity, sides, near)
@@ -84,6 +82,20 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDiffere
 
     why = Why(tuple(failures(first)), tuple(failures(second)), str(a.folder), str(b.folder))
     return [measured(quantity) for quantity in compared_quantities(rules.primary)], why
+
+
+def seen_differently(a: Source, b: Source) -> list[str]:
+    """Return the columns of the truth and the detections of two runs on the same traffic that differ all the same.
+
+    Raises:
+        InputError: They are on different traffic.
+    """
+    _check_same_traffic(a, b)
+    found = []
+    for name in TABLES[:2]:
+        first, second = (runfolder.read_table(side.folder, name, COMPARE) for side in (a, b))
+        found += [f"{name}'s {key}" for key in first if key in second and not first[key].equals(second[key])]
+    return found
 
 
 def label_of(a: Source, b: Source) -> str:
@@ -155,7 +167,7 @@ def _common_errors(a: Evidence, b: Evidence) -> pd.DataFrame:
 
 
 def _check_same_traffic(a: Source, b: Source) -> None:
-    places = ["step", "vehicle_id", "lon_m", "lat_m"]
+    places = ["step", "episode", "vehicle_id", "lon_m", "lat_m"]
     first, second = (runfolder.read_table(side.folder, runfolder.TRUTH, COMPARE, places)[places] for side in (a, b))
     if not first.equals(second):
         raise InputError(

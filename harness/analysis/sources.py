@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from pandas.api.types import is_bool_dtype, is_numeric_dtype
 
 from harness.analysis.curves import labelled
 from harness.analysis.experiments import settings_of, settings_of_grid
@@ -22,7 +21,7 @@ from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS
 from harness.storage.grid_rows import flattened
 from harness.storage.manifest import check_unedited, manifest_of
-from harness.storage.schema import MISMATCH, RECORDING
+from harness.storage.schema import MISMATCH, RECORDING, TABLES
 
 STANDARD = "standard"
 ROUNDING = 1e-6
@@ -107,20 +106,16 @@ def _check_rows(done: pd.DataFrame, table: pd.DataFrame, axes: tuple[str, ...], 
     """Refuse a table of runs that no grid writes: empty, with a run twice, with texts for numbers."""
     if not len(table):
         raise InputError(f"`{parameter}`: {path} has no rows; make the grid again")
-    known = (*compared_quantities(), *compared_quantities(closed_loop=True))
-    numbers = ("seed", *(quantity.key for quantity in known if quantity.key in table))
-    texts = [
-        name
-        for name in numbers
-        if (not is_numeric_dtype(table[name]) or is_bool_dtype(table[name])) and table[name].notna().any()
-    ]
-    if texts:
-        raise InputError(f"`{parameter}`: {path}: {texts[0]} holds no numbers; make the grid again")
-    for quantity in known:
+    texts = {*axes, *(column.name for column in TABLES[RUNS].columns)}
+    others = table[[name for name in table if "." in str(name) and name not in texts]].select_dtypes(exclude="number")
+    if wordy := [name for name in others if others[name].notna().any()]:
+        raise InputError(f"`{parameter}`: {path}: {wordy[0]} holds no numbers; make the grid again")
+    for quantity in (*compared_quantities(), *compared_quantities(closed_loop=True)):
         if quantity.key not in table or is_from_outside(quantity):
             continue
         values = table[quantity.key].to_numpy(dtype=np.float64)
-        wrong = values[np.isfinite(values) & ((values < quantity.least) | (values > quantity.most + ROUNDING))]
+        possible = np.isfinite(values) & (values >= quantity.least) & (values <= quantity.most + ROUNDING)
+        wrong = values[~possible & ~np.isnan(values)]
         if len(wrong):
             raise InputError(
                 f"`{parameter}`: {path}: {quantity.key} holds {wrong[0]:g}, which is not a possible value of "

@@ -106,6 +106,10 @@ class Rules:
         """Return whether a metric gets a verdict."""
         return quantity.key in (*self.primary, STEP_TIME.key)
 
+    def names(self, metric: str) -> bool:
+        """Return whether somebody chose a metric to be judged."""
+        return metric in (self.primary if self.primary not in (PRIMARY, closedloop.PRIMARY) else self.limits)
+
     def margin(self, quantity: Quantity, a: float) -> float:
         """Return by how much b may be worse."""
         usual = self.time_tolerance if quantity.key == STEP_TIME.key else self.tolerance

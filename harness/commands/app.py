@@ -204,7 +204,7 @@ def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:
 
 
 def _complain(message: str, exit_code: int) -> int:
-    line = " ".join(message.split())
+    line = "".join(each if each.isprintable() else "?" for each in " ".join(message.split()))
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 :]}"
     ended = exit_code in (exit_codes.HANGUP, exit_codes.INTERRUPTED, exit_codes.TERMINATED)

@@ -11,6 +11,7 @@ import typer
 from harness.common.errors import InputError
 from harness.config import options as shared
 from harness.config.options import Option
+from harness.storage.manifest import tell_edited
 
 
 class Options(TypedDict):
@@ -77,6 +78,7 @@ def command(options: Options) -> None:
         from harness.report.video import write_video  # noqa: PLC0415
 
         files.append(write_video(folder, video, force))
+    tell_edited(folder, "folder")
     if options["json"]:
         typer.echo(json.dumps({"files": [str(file) for file in files]}))
         return

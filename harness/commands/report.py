@@ -8,10 +8,9 @@ from typing import Annotated, TypedDict
 
 import typer
 
-from harness.common.errors import InputError
 from harness.config import options as shared
 from harness.config.options import Option
-from harness.storage.manifest import check_unedited, manifest_of
+from harness.storage.manifest import tell_edited
 
 
 class Options(TypedDict):
@@ -50,10 +49,7 @@ def command(options: Options) -> None:
         for picture in write_pictures(options["folder"], options["figures"]):
             typer.echo(str(picture), err=True)
     page = write_page(options["folder"])
-    try:
-        check_unedited(options["folder"], manifest_of(options["folder"]), "folder")
-    except InputError as error:
-        typer.echo(f"warning: {str(error).replace('`', '')}", err=True)
+    tell_edited(options["folder"], "folder")
     size_mb = page.stat().st_size / 1e6
     if options["json"]:
         typer.echo(json.dumps({"page": str(page), "size_mb": round(size_mb, 3)}))

@@ -27,6 +27,7 @@ from harness.sensor.profiles import sensor_settings
 from harness.sensor.shadows import free_space
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import check_truth, sound_tables
+from harness.storage.manifest import tell_edited
 from harness.storage.schema import TABLES
 from harness.truth.frame import Frame
 from harness.truth.recorded.detected.recorded_drive import EGO
@@ -58,6 +59,7 @@ def _snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
     road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
     check_truth(truth, road, f"`{PARAMETER}`: {folder / runfolder.TRUTH}")
     snapshots = snapshots_of(truth, detections, road, settings)
+    tell_edited(folder, PARAMETER)
     return replace(snapshots, files={f"replay/{name}": folder / name for name in RECORDED})
 
 

@@ -18,7 +18,7 @@ from harness.common.error_text import is_own_fault
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import check_file, reading
-from harness.storage.schema import SCHEMA_VERSION, VERSION_KEY, Column
+from harness.storage.schema import FLAG, SCHEMA_VERSION, VERSION_KEY, Column
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray
 
@@ -107,10 +107,12 @@ def check_kinds(table: pd.DataFrame, columns: Iterable[Column], place: str) -> N
         if unknown:
             known = ", ".join(filter(None, column.words))
             raise InputError(f"{place}: {column.name} holds {unknown[0][:40]!r}; there are {known}")
-        if column.numbers is not None:
+        if column.named and values.isna().any():
+            raise InputError(f"{place}: {column.name} is missing in a row; {AGAIN}")
+        if (allowed := FLAG if column.type == "bool" else column.numbers) is not None:
             # A column of no row has any type.
             numbers: dict[str, FloatArray] = {column.name: values.to_numpy(dtype=np.float64)}
-            check_numbers(place, numbers, {column.name: column.numbers}, fix=AGAIN)
+            check_numbers(place, numbers, {column.name: allowed}, fix=AGAIN)
 
 
 def check_truth(truth: pd.DataFrame, road: Road, place: str) -> None:

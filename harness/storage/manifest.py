@@ -7,6 +7,7 @@ import json
 import os
 import platform
 import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
@@ -78,11 +79,31 @@ def manifest_of(folder: Path, parameter: str | None = None) -> dict[str, Any]:
 
 def hashes_of(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of each table of a folder, of its scores and its settings, by file."""
-    return {
-        path.name: sha256_of(path)
-        for path in sorted(folder.iterdir())
-        if path.name in HASHED or path.suffix == ".parquet"
-    }
+    return {path.name: sha256_of(path) for path in _hashed(folder)}
+
+
+def _hashed(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.glob("*")) if path.name in HASHED or path.suffix == ".parquet"]
+
+
+def unproven(folder: Path, manifest: Mapping[str, Any]) -> list[str]:
+    """Return a sentence on results in a folder that may have been edited unseen; none where each has its hash."""
+    noted = [Path(str(name)).name for name in manifest.get(FILES) or ()]
+    if not (unknown := [path.name for path in _hashed(folder) if path.name not in noted]):
+        return []
+    more = f" and {len(unknown) - 1} more" if len(unknown) > 1 else ""
+    return [f"{folder}: there is no SHA-256 of {unknown[0]}{more}, so nobody can tell whether somebody changed it."]
+
+
+def tell_edited(folder: Path, parameter: str) -> None:
+    """Write a line to stderr if the results in a folder were edited, or may have been unseen."""
+    manifest = manifest_of(folder)
+    try:
+        check_unedited(folder, manifest, parameter)
+        told = unproven(folder, manifest) if manifest.get("status") == "complete" else []
+    except InputError as error:
+        told = [str(error).replace("`", "")]
+    sys.stderr.writelines(f"warning: {line}\n" for line in told)
 
 
 def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str) -> None:
@@ -96,11 +117,8 @@ def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str)
         raise InputError(f"`{parameter}`: {folder / 'manifest.json'} is broken; make the results again")
     told = {folder / Path(str(name)).name: digest for name, digest in noted.items()}
     files = [path for path in told if path.is_file()]
-
-    def edited() -> list[Path]:
-        return [path for path in files if sha256_of(path) != told[path]]
-
-    if changed := isolated(edited, f"`{parameter}`: {folder}", ProcessLimits.for_files(files)):
+    place, limits = f"`{parameter}`: {folder}", ProcessLimits.for_files(files)
+    if changed := isolated(lambda: [path for path in files if sha256_of(path) != told[path]], place, limits):
         raise InputError(
             f"`{parameter}`: {changed[0]} was changed after it was written (its SHA-256 is another than in "
             f"manifest.json); make it again, or take {FILES} out of manifest.json if you meant that"

@@ -44,6 +44,7 @@ class Column:
         trackers: Whether trackers get it, or made it; everything else is for scoring alone.
         words: What a text is one of, in the order of its codes; empty for any text.
         numbers: What its numbers may be; None of texts, and where gaps are usual.
+        named: Whether it is a text that no row may lack.
     """
 
     type: str
@@ -54,6 +55,7 @@ class Column:
     trackers: bool = False
     words: tuple[str, ...] = ()
     numbers: Numbers | None = None
+    named: bool = False
 
     @property
     def is_text(self) -> bool:
@@ -86,7 +88,7 @@ def _number(name: str, meaning: str, unit: str | None = None, **more: object) ->
 
 
 SHARE, POSITIVE, GAPS = Numbers(0.0, 1.0), Numbers(1e-12, 1e8), Numbers(gaps=True)
-COUNT, WHOLE = Numbers(0.0, 1e9), Numbers(0, 1e9, whole=True)
+COUNT, WHOLE, FLAG = Numbers(0.0, 1e9), Numbers(0, 1e9, whole=True), Numbers(0, 1, whole=True)
 _whole, _flag, _text = (partial(Column, kind) for kind in ("int64", "bool", "string"))
 
 STEP = _whole("step", "number of the step, from 0", numbers=WHOLE)
@@ -103,7 +105,7 @@ STDS = (
     _number("std_lat_m", "standard deviation of `lat_m`, likewise"),
     _number("std_speed_mps", "standard deviation of `speed_mps`, likewise"),
 )
-VEHICLE = _text("vehicle_id", "name of the vehicle, as its source calls it")
+VEHICLE = _text("vehicle_id", "name of the vehicle, as its source calls it", named=True)
 TRACK = _whole("track_id", "identity of the track, never used again", numbers=Numbers(-1, 2.0**53, whole=True))
 OR_NONE = replace(TRACK, meaning="identity of the track, -1 for none")
 STATE = _text("state", "how much of the vehicle the sensor sees", words=VISIBILITY_STATES)
@@ -124,14 +126,14 @@ def _seen(*columns: Column) -> tuple[Column, ...]:
 
 
 RUN_IDENTITY = (
-    _text("net", "network"),
-    _number("density", "density that was asked for, vehicles per kilometre and lane"),
+    _text("net", "network", named=True),
+    _number("density", "density that was asked for, vehicles per kilometre and lane", numbers=Numbers(0.0, gaps=True)),
     _text("demand", "traffic demand"),
-    _text("tracker", "tracker"),
-    _text("variant", "label of the tracker with its options"),
+    _text("tracker", "tracker", named=True),
+    _text("variant", "label of the tracker with its options", named=True),
     _text("model", "motion model"),
     _text("update", "update rule"),
-    _whole("seed", "root seed"),
+    _whole("seed", "root seed", numbers=Numbers(0, 2.0**53, whole=True)),
 )
 RUN_OUTCOME = (
     _flag("succeeded", "whether the run ended well"),
@@ -252,7 +254,7 @@ TABLES: dict[str, Table] = {
             _number("duration_s", "how long it lasts"),
             _number("truth_mps2", "what the driver would do by the truth there"),
             _number("tracks_mps2", "what it would do by the tracks"),
-            replace(VEHICLE, meaning="vehicle to blame, or that the track to blame follows; empty for none"),
+            _text("vehicle_id", "vehicle to blame, or that the track to blame follows; empty for none"),
             _text("visibility", "the vehicle's state; empty for none", words=("", *VISIBILITY_STATES)),
             _number("unseen_s", "time since the vehicle's last detection; nan if it had none"),
             OR_NONE,

@@ -194,6 +194,23 @@ def test_what_is_hopeless_is_undecided_and_never_passes(change, tmp_path, capsys
     told = capsys.readouterr()
     assert "No worse" not in told.err
     assert json.loads(told.out)["reasons"]
+    assert run_command_line(["compare", b, a, "--quiet"]) == exit_codes.UNDECIDED
+    (tmp_path / "gate.toml").write_text('[metrics."mot.hota"]\nfloor = 90')
+    assert run_command_line(["compare", b, a, "--quiet", "--gate", str(tmp_path / "gate.toml")]) == exit_codes.WORSE
+
+
+def test_a_chosen_metric_that_neither_side_has_is_undecided(tmp_path):
+    a = edited(grid_folder(tmp_path / "a"), HOPELESS["one column missing"])
+    assert run_command_line(["compare", a, a, "--quiet"]) == exit_codes.DONE
+    assert run_command_line(["compare", a, a, "--primary", "mot.hota,mot.idf1"]) == exit_codes.UNDECIDED
+
+
+@pytest.mark.parametrize("cell", [{"succeeded": 0.5}, {"seed": -1}, {"variant": None}, {"density": -20.0}], ids=str)
+def test_a_row_that_is_of_no_run_is_refused_in_one_line(cell, tmp_path, capsys):
+    a = grid_folder(tmp_path / "a")
+    assert run_command_line(["compare", a, edited(a, lambda table: table.assign(**cell))]) == exit_codes.WRONG_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert next(iter(cell)) in line
 
 
 def test_a_tracker_whose_runs_all_failed_does_not_vanish_unseen(tmp_path):

@@ -109,7 +109,10 @@ def test_runs_that_one_side_lacks_are_listed_and_never_no_worse(kept, told, spoi
 
 @pytest.mark.parametrize(
     ("metric", "value"),
-    [("mot.hota", 500.0), ("hidden.hidden_cost_m", -1.0), ("occlusion.same_id_percent", 300.0), ("mot.hota", True)],
+    [
+        *(("mot.hota", 500.0), ("hidden.hidden_cost_m", -1.0), ("occlusion.same_id_percent", 300.0)),
+        *(("mot.hota", True), ("mot.hota", np.inf), ("hidden.hidden_cost_m", -np.inf), ("coverage.detected", "many")),
+    ],
 )
 def test_values_that_a_metric_can_not_have_are_refused(metric, value, tmp_path, capsys):
     a = grid_folder(tmp_path / "a")
@@ -130,7 +133,8 @@ def test_tolerances_out_of_range_are_refused_in_python_too(tolerance, tmp_path):
 def test_an_edited_table_of_runs_is_recognised_by_its_hash(tmp_path):
     a, b = grid_folder(tmp_path / "a"), grid_folder(tmp_path / "b", mot__hota=lambda seed: 0.5)
     (tmp_path / "b" / "manifest.json").write_text(json.dumps({"files_sha256": hashes_of(tmp_path / "b")}))
-    compared(a, b)
+    (note,) = (note for note in compared(a, b).notes if "SHA-256" in note)
+    assert note.startswith(f"{a}: there is no SHA-256 of grid.json and 1 more")
     edited(b, lambda table: table.assign(**{"mot.hota": 2.0}))
     with pytest.raises(InputError, match=r"runs\.parquet was changed after it was written"):
         compared(a, b)
