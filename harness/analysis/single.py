@@ -152,10 +152,8 @@ def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: Floa
 def _errors(pairs: pd.DataFrame, state: str, column: str, vehicles: int) -> list[ByVehicle]:
     rows = pairs[pairs["state"] == state]
     vehicle = rows["vehicle"].to_numpy(dtype=np.int64)
-    return [
-        ratio_by_vehicle(rows[f"{column}_{side}"].abs().to_numpy(dtype=np.float64), vehicle, vehicles)
-        for side in ("a", "b")
-    ]
+    errors = (rows[f"{column}_{side}"].abs().to_numpy(dtype=np.float64) for side in ("a", "b"))
+    return [ratio_by_vehicle(each, vehicle, vehicles) for each in errors]
 
 
 def _common_errors(a: Evidence, b: Evidence) -> pd.DataFrame:

@@ -35,12 +35,8 @@ Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]
 
 OSI_VERSION = (3, 8, 0)
 HEIGHT_M = 1.5
-GROUND_TRUTH, DETECTIONS, TRACKS, VEHICLES = (
-    "ground_truth.osi",
-    "sensor_data_detections.osi",
-    "sensor_data_tracks.osi",
-    "vehicles.csv",
-)
+GROUND_TRUTH, VEHICLES = "ground_truth.osi", "vehicles.csv"
+DETECTIONS, TRACKS = "sensor_data_detections.osi", "sensor_data_tracks.osi"
 
 
 def export(run: RecordedRun, folder: Path) -> list[Path]:

@@ -57,12 +57,8 @@ def _layout(run: RecordedRun) -> rrb.Blueprint:
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)][:1]
     (place,), (_, _, turn) = _places(run, ego, 0.0), run.in_plane(ego)
     back = VIEW_BACK_M * np.array([np.cos(turn[0]), np.sin(turn[0]), 0.0])
-    eye = rrb.EyeControls3D(
-        position=place - back + [0.0, 0.0, VIEW_HEIGHT_M],
-        look_target=place,
-        eye_up=[0.0, 0.0, 1.0],
-        tracking_entity=EGO,
-    )
+    above = place - back + [0.0, 0.0, VIEW_HEIGHT_M]
+    eye = rrb.EyeControls3D(position=above, look_target=place, eye_up=[0.0, 0.0, 1.0], tracking_entity=EGO)
     scene = rrb.Spatial3DView(origin="/", contents=SCENE, name="scene", eye_controls=eye)
     curves = (
         rrb.TimeSeriesView(origin=f"{CURVES}/error_m", name="mean error, m"),

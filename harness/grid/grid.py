@@ -174,10 +174,7 @@ def _variants(request: GridRequest) -> list[_Variant]:
         if label in (variant.label for variant in variants):
             raise InputError(f"`trackers` {text}: another tracker is called {label} too; choose another name")
         variants += [_Variant(label, tracker, name, full, model) for model in (models if crossed else (None,))]
-    takers = {
-        "models": any(each.model for each in variants),
-        "particles": any(each.takes_settings for each in variants),
-    }
+    takers = {"models": any(one.model for one in variants), "particles": any(one.takes_settings for one in variants)}
     for name, taken in takers.items():
         if getattr(request, name) is not None and not taken:
             raise InputError(f"`{name}`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")

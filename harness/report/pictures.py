@@ -110,14 +110,8 @@ def draw_figures(folder: Path, pictured: Pictured) -> None:
     title, moment = pictured.title, pictured.moment
     if moment is not None:
         snapshot = moment.snapshot
-        scene = PictureScene(
-            snapshot.frame,
-            snapshot.observation,
-            moment.tracks,
-            pictured.road,
-            pictured.sensor.range_m,
-            moment.particles,
-        )
-        scene_figure(scene, f"{title}: {snapshot.frame.time_s:.1f} s").savefig(folder / "scene.png")
+        frame, seen, range_m = snapshot.frame, snapshot.observation, pictured.sensor.range_m
+        scene = PictureScene(frame, seen, moment.tracks, pictured.road, range_m, moment.particles)
+        scene_figure(scene, f"{title}: {frame.time_s:.1f} s").savefig(folder / "scene.png")
     for name, group in _charts(pictured.errors, pictured.metrics["mae"], pictured.diagnostics).items():
         draw_charts(group, title, folder / name)

@@ -81,10 +81,8 @@ def diagnostics_charts(diagnostics: pd.DataFrame) -> Charts:
     step_s = float(diagnostics["time_s"].diff().median()) if len(diagnostics) > 1 else 1.0
     events = [name for name in EVENTS if name in later and later[name].any()]
     lines = lines_of(["mean", *events])
-    shown = [
-        (title, _levels(diagnostics, "mean", scale * floats(diagnostics, name), width_s))
-        for name, title, scale in LEVELS
-    ]
+    levels = [(title, scale * floats(diagnostics, name)) for name, title, scale in LEVELS]
+    shown = [(title, _levels(diagnostics, "mean", level, width_s)) for title, level in levels]
     rates = [row for name in events for row in _levels(later, name, floats(later, name) / step_s, width_s, band=False)]
     charts = [
         curves(

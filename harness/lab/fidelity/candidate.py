@@ -184,10 +184,7 @@ def _missing(measured: float, simulated: float) -> float:
 def averaged(candidates: Sequence[Candidate]) -> Candidate:
     """Return the candidate whose every number is the mean of the candidates'."""
     drivers = _mean([candidate.drivers.model_dump() for candidate in candidates])
-    demands = {
-        name: _mean([candidate.demands[name].model_dump() for candidate in candidates])
-        for name in candidates[0].demands
-    }
+    demands = {name: _mean([each.demands[name].model_dump() for each in candidates]) for name in candidates[0].demands}
     return Candidate(
         Drivers.model_validate(drivers), {name: DemandFile.model_validate(demand) for name, demand in demands.items()}
     )

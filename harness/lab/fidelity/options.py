@@ -65,10 +65,7 @@ class CalibrationOptions(TypedDict):
     minutes: Annotated[
         float,
         Option(
-            "Simulated minutes per run; the demand schedule is compressed to this time.",
-            default=15.0,
-            least=2.0,
-            most=60.0,
+            "Simulated minutes per run, to which the demand schedule is scaled.", default=15.0, least=2.0, most=60.0
         ),
     ]
     step: Annotated[

@@ -18,13 +18,8 @@ from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 
 PARTIAL, COMPLETE = "partial", "complete"
-LABELS = {
-    "residual": "ours",
-    "recurrent": "ours",
-    "gmm": "ours",
-    "gmm-short": "as in the paper",
-    "gmm-lane-change": "as in the paper",
-}
+LABELS = dict.fromkeys(("residual", "recurrent", "gmm"), "ours")
+LABELS |= dict.fromkeys(("gmm-short", "gmm-lane-change"), "as in the paper")
 SHOWN_PARTICLES = 60
 
 
