@@ -9,6 +9,7 @@ from typing import Annotated, TypedDict
 import typer
 
 from harness.common.errors import InputError
+from harness.common.progress import working
 from harness.config import options as shared
 from harness.config.options import Option
 from harness.storage.manifest import tell_edited
@@ -66,18 +67,18 @@ def command(options: Options) -> None:
         raise InputError(
             f"`to`: say which format: {', '.join(export_formats.names())}; or give `video`, for example run.mp4"
         )
-    for name in ("out", "gzip") if to is None else ():
-        if options[name]:
-            raise InputError(f"`{name}`: only `to` uses it; leave it out, or add `to`")
+    if unused := [name for name in ("out", "gzip") if to is None and options[name]]:
+        raise InputError(f"`{unused[0]}`: only `to` uses it; leave it out, or add `to`")
     files: list[Path] = []
-    if to is not None:
-        files = export_run(
-            folder, to, options["out"], force, lambda line: typer.echo(line, err=True), packed=options["gzip"]
-        )
-    if video is not None:
-        from harness.report.video import write_video  # noqa: PLC0415
+    with working("exporting", quiet=False):
+        if to is not None:
+            files = export_run(
+                folder, to, options["out"], force, lambda line: typer.echo(line, err=True), packed=options["gzip"]
+            )
+        if video is not None:
+            from harness.report.video import write_video  # noqa: PLC0415
 
-        files.append(write_video(folder, video, force))
+            files.append(write_video(folder, video, force))
     tell_edited(folder, "folder")
     if options["json"]:
         typer.echo(json.dumps({"files": [str(file) for file in files]}))

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from harness.common.numbers import as_json as text_of
+from harness.common.progress import working
 from harness.config import options as shared
 from harness.config.options import Option
 from harness.report.folder_page import write_page
@@ -41,7 +42,8 @@ def command(options: Options) -> None:
     """
     as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
     command_line = shlex.join(["harness", *sys.argv[1:]])
-    folder, metrics, report, left_out = score_logs(options, out, force, command_line, write_page)
+    with working("scoring", quiet):
+        folder, metrics, report, left_out = score_logs(options, out, force, command_line, write_page)
     if left_out or not quiet:
         typer.echo(report, err=True)
     if not quiet:

@@ -19,6 +19,7 @@ from harness.analysis.sources import STANDARD, Source, open_source
 from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.common.files import replacing, write_text, writing
+from harness.common.progress import working
 from harness.config.lists import names
 from harness.grid.grid import GridRequest
 from harness.grid.making import TABLE, on_stderr
@@ -51,7 +52,8 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     sides = _sides(options)
     if sides is None:
         return 0
-    comparison = compare(*sides, rules, options["allow_different"])
+    with working("comparing", options["quiet"]):
+        comparison = compare(*sides, rules, options["allow_different"])
     if not options["quiet"]:
         print_comparison(comparison)
     if options["html"] is not None:
