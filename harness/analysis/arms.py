@@ -56,10 +56,9 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
 
     Nothing is concluded where b lacks more than a tolerated share of a's values.
     """
-    known_a, known_b = np.isfinite(arms.a), np.isfinite(arms.b)
-    layout = arms.layout
-    if layout.paired:
-        known_a = known_b = known_a & known_b
+    there, layout = (np.isfinite(arms.a), np.isfinite(arms.b)), arms.layout
+    both = there[0] & there[1] if layout.paired else None
+    known_a, known_b = there if both is None else (both, both)
     a, b = arms.a[known_a], arms.b[known_b]
     totals = () if arms.totals is None else (arms.totals[0][known_a], arms.totals[1][known_b])
     if totals and all(total.sum() > 0.0 for total in totals):  # older rows lack the totals
@@ -70,11 +69,11 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
         label=arms.label,
         quantity=arms.quantity,
         a=_mean(a),
-        b=_mean(b if len(b) else arms.b[np.isfinite(arms.b)]),
+        b=_mean(b if len(b) else arms.b[there[1]]),
         effect=effect,
         pairs=min(len(a), len(b)),
         same=layout.paired and bool((a == b).all()),
-        wanting=lost_values(np.isfinite(arms.a), np.isfinite(arms.b), layout.paired, tolerated_loss),
+        wanting=lost_values(*there, layout.paired, tolerated_loss),
     )
 
 
@@ -85,10 +84,11 @@ def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0
         a: Which values of the first arm are there, shape (n,).
         b: Likewise of the second, shape (n,) where paired, else of any length.
         paired: Whether they belong together one by one.
-        tolerated: Share of a's values that may be lost; where none may, a must have what b has too.
+        tolerated: Share of a's values that b may lack. If it is 0, a may lack none of b's either.
     """
     if a.any() != b.any():
-        return "b has no value of it" if a.any() else "" if tolerated else "a has no value of it"
+        lacking = "b" if a.any() else "a"
+        return "" if tolerated and lacking == "a" else f"{lacking} has no value of it"
     lost = int((a & ~b).sum()) if paired else max(0, int((~b).sum()) - int((~a).sum()))
     if lost > tolerated * a.sum():
         return f"b lacks {lost} of the {int(a.sum())} values that a has"
