@@ -15,7 +15,7 @@ from scipy.special import expit
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
-from mmpf.joint.merging import with_known_vehicles
+from mmpf.joint.merging import heads_the_same_way, with_known_vehicles
 from mmpf.joint.sources import sources_of
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
@@ -61,6 +61,7 @@ def hand_over_identity(
     density = _density_at(mixture, moments, new, old) * components.existence[old]
     was_unseen_by_then = components.unseen_s[old][None, :] > components.age_s[new][:, None] - BOTH_SEEN_S
     possible = was_unseen_by_then | components.withdrawn[old]
+    possible &= heads_the_same_way(moments.heading_rad[new][:, None], moments.heading_rad[old])
     log_ratio = np.log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
     rows, columns = linear_sum_assignment(np.maximum(log_ratio, 0.0), maximize=True)
     linked = log_ratio[rows, columns] > 0.0

@@ -16,8 +16,8 @@ from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.options.joint import JointMerging
 
-# Two whose directions differ by more than 60 degrees are two.
 SAME_WAY = 0.5
+"""Cosine of 60 degrees: two whose directions differ by more are two."""
 EXISTENCE_ABOVE = 0.3
 """Less probable components do not merge, so that a stray detection cannot replace a track."""
 VEHICLE_ABOVE = 0.2
@@ -67,7 +67,7 @@ def merge_lasting_overlaps(
     apart |= takes | takes.T
     np.fill_diagonal(apart, val=True)
     one, other = np.nonzero(~apart)
-    same_way = np.cos(moments.heading_rad[one] - moments.heading_rad[other]) >= SAME_WAY
+    same_way = heads_the_same_way(moments.heading_rad[one], moments.heading_rad[other])
     one, other = one[same_way], other[same_way]
     distance = np.full(apart.shape, np.inf)
     distance[one, other] = np.hypot(along[one, other] / lon_m, across[one, other] / lat_m)
@@ -93,6 +93,11 @@ def merge_lasting_overlaps(
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
     updated = replace(components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_s=overlap_s)
     return replace(mixture, components=updated), keep
+
+
+def heads_the_same_way(one_rad: FloatArray, other_rad: FloatArray) -> BoolArray:
+    """Return whether two directions can be those of one vehicle, the shape of both together."""
+    return np.asarray(np.cos(one_rad - other_rad) >= SAME_WAY)
 
 
 def with_known_vehicles(

@@ -32,6 +32,7 @@ def mistaken_after(
     sightings: Sightings,
     learned: FalseObjects,
     prior: JointFalseObjects,
+    heading_rad: FloatArray,
     dt_s: float,
 ) -> Sources:
     """Return the components with the probability of a mistake after a scan, by Bayes' rule on its odds.
@@ -45,6 +46,7 @@ def mistaken_after(
         sightings: Detection probabilities at the components' places.
         learned: Learned kinds, lifetimes and detectability of false objects.
         prior: Their prior values.
+        heading_rad: Where each component's vehicle points against the frame's longitudinal axis, shape (m,).
         dt_s: Time since the previous scan.
     """
     seen = sightings.detection_probabilities()
@@ -56,7 +58,9 @@ def mistaken_after(
     ratio = np.where(sources.unseen_s == 0.0, detected, 1.0 / (1.0 - by_vehicle))
     mistaken = sources.mistaken * ratio / (1.0 - sources.mistaken + sources.mistaken * ratio)
     away = sources.away_std.copy()
-    away[:, 0] = np.minimum(away[:, 0] + dt_s * away[:, 2], FARTHEST_M)
+    grown_m = dt_s * away[:, 2]
+    away[:, 0] = np.minimum(away[:, 0] + grown_m * np.abs(np.cos(heading_rad)), FARTHEST_M)
+    away[:, 1] = np.minimum(away[:, 1] + grown_m * np.abs(np.sin(heading_rad)), FARTHEST_M)
     return replace(sources, mistaken=mistaken, away_std=away)
 
 

@@ -169,10 +169,13 @@ def appearances_at(
 
     half_width = np.full(len(chosen), 0.25 * (vehicle.length_m + vehicle.width_m))
 
+    ahead = plane.road.axis_of(np.nan_to_num(plane.road.lane_heading_at(lon, lat)))
+
     def visible(ahead_m: float) -> FloatArray:
-        """Return the visible fraction of a vehicle so far ahead of each detection."""
-        seen = visible_fractions(plane, lon + ahead_m, lat, np.full(len(chosen), nobody), bodies, table)
-        in_field = share_in_field(plane, lon + ahead_m, lat, half_width, situation.scan.free_space)
+        """Return the visible fraction of a vehicle so far ahead of each detection along its lane."""
+        place = lon + ahead_m * np.cos(ahead), lat + ahead_m * np.sin(ahead)
+        seen = visible_fractions(plane, *place, np.full(len(chosen), nobody), bodies, table)
+        in_field = share_in_field(plane, *place, half_width, situation.scan.free_space)
         return seen if in_field is None else np.minimum(seen, in_field)
 
     here = visible(0.0)

@@ -41,7 +41,7 @@ def driven_through(
     Args:
         components: The components, m of them, with their sizes.
         moments: Their moments.
-        least_mps: Only those whose speeds differ by more pass each other.
+        least_mps: Only those whose speeds along the first one's direction differ by more pass each other.
         dt_s: Time since the scan before.
 
     Returns:
@@ -50,9 +50,10 @@ def driven_through(
     """
     length, width, speed = components.length_m, components.width_m, moments.mean[SPEED]
     along_m, across_m = _apart(moments)
-    way_m, passing_mps = length[:, None] + length, np.abs(speed[:, None] - speed)
+    way_m, heading = length[:, None] + length, moments.heading_rad
+    passing_mps = np.abs(speed[:, None] - speed * np.cos(heading[:, None] - heading))
     one, other = np.nonzero((along_m < 0.5 * way_m) & (passing_mps > least_mps))
-    parallel = np.abs(np.cos(moments.heading_rad[one] - moments.heading_rad[other])) > PARALLEL
+    parallel = np.abs(np.cos(heading[one] - heading[other])) > PARALLEL
     variance = moments.std_across_m**2
     beside_m = across_m[one, other] - 0.5 * (width[one] + width[other])
     touch = np.zeros_like(across_m)

@@ -158,7 +158,8 @@ class JointUpdate:
             sources, before, alive, ended, moments, sightings, known.false_objects, situation, self.options
         )
         objects = self.joint.false_objects
-        sources = mistaken_after(sources, before, sightings, known.false_objects, objects, situation.dt_s)
+        headings = moments.heading_rad
+        sources = mistaken_after(sources, before, sightings, known.false_objects, objects, headings, situation.dt_s)
         reach = None
         if self.joint.reach.learned:
             distance_m = situation.plane.distance_m(moments.mean[LON], moments.mean[LAT])

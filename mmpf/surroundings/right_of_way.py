@@ -165,7 +165,8 @@ def _watch_drivers(
         if kind[k] != SIGNAL:
             continue
         for f in range(first_foe[k], first_foe[k + 1]):
-            if kind[foe[f]] == SIGNAL:
+            pair_again = foe[f] < k and k in foe[first_foe[foe[f]] : first_foe[foe[f] + 1]]
+            if kind[foe[f]] == SIGNAL and not pair_again:
                 log_odds[k] += CROSSED_PER_S * dt_s * entered[foe[f]]
                 log_odds[foe[f]] += CROSSED_PER_S * dt_s * entered[k]
         if not entered[k]:

@@ -29,6 +29,7 @@ class Apart:
         known: Which of them are more than tentative, shape (m,).
         heading_rad: Direction of the lane that each is nearest to, shape (m,).
         ego_speed_mps: The ego's speed.
+        std_along_m: Deviation of each one's place along each cell's lane, the ego's last, shape (n, m + 1).
     """
 
     along_m: FloatArray
@@ -37,6 +38,7 @@ class Apart:
     known: BoolArray
     heading_rad: FloatArray
     ego_speed_mps: float
+    std_along_m: FloatArray
 
     @classmethod
     def between(cls, cells: LaneCells, tracks: Tracks, scan: Scan) -> Self:
@@ -46,7 +48,8 @@ class Apart:
         heading = np.zeros(len(tracks))
         if len(cells) and len(tracks):
             heading = cells.heading_rad[np.hypot(along, across)[:, :-1].argmin(axis=0)]
-        return cls(along, across, tracks, tracks.state != TENTATIVE, heading, ego.speed_mps)
+        std = np.maximum(np.column_stack([std_along_m(cells, tracks), np.zeros(len(along))]), 0.1)
+        return cls(along, across, tracks, tracks.state != TENTATIVE, heading, ego.speed_mps, std)
 
     @property
     def _there(self) -> BoolArray:
@@ -74,12 +77,12 @@ class Apart:
         """
         speed = np.maximum(self._speed_mps, 0.0)
         room = room_m + headway_s * speed
-        std = np.hypot(np.append(np.maximum(self.tracks.std_lon_m, 0.1), 0.1), headway_std_s * speed)
+        std = np.hypot(self.std_along_m, headway_std_s * speed)
         existence = np.append(self.tracks.existence, 1.0)
         in_lane = self._there & (np.abs(self.across_m) < BESIDE_LANE_M)
         near = in_lane & (np.abs(self.along_m) < room + FARTHEST_STD * std)
         cell, vehicle = np.nonzero(near)
-        along, spread, reach = self.along_m[near], std[vehicle], room[vehicle]
+        along, spread, reach = self.along_m[near], std[near], room[vehicle]
         taken_up = existence[vehicle] * (ndtr((reach - along) / spread) - ndtr((-reach - along) / spread))
         free = np.ones(len(self.along_m))
         np.multiply.at(free, cell, 1.0 - taken_up)
@@ -90,3 +93,9 @@ def offsets(cells: LaneCells, lon_m: FloatArray, lat_m: FloatArray) -> tuple[Flo
     """Return how far places are from cells along and across each cell's lane, shape (n, places)."""
     away_lon, away_lat = lon_m - cells.lon_m[:, None], lat_m - cells.lat_m[:, None]
     return turned(away_lon, away_lat, cells.heading_rad[:, None])
+
+
+def std_along_m(cells: LaneCells, tracks: Tracks) -> FloatArray:
+    """Return each track's deviation along each cell's lane, as if independent along the frame's axes, (n, m)."""
+    heading = cells.heading_rad[:, None]
+    return np.asarray(np.hypot(tracks.std_lon_m * np.cos(heading), tracks.std_lat_m * np.sin(heading)))

@@ -21,7 +21,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
 from mmpf.options.base import NotNegative, Positive, Settings, in_unit
 from mmpf.scan import Scan, SensorModel
 from mmpf.tracks import HIDDEN, Tracks
-from mmpf.undetected.apart import BESIDE_LANE_M, Apart, offsets
+from mmpf.undetected.apart import BESIDE_LANE_M, Apart, offsets, std_along_m
 from mmpf.undetected.cells import CELL_M, LaneCells, cells_of
 from mmpf.visibility.depth import Occluders, depth_table
 from mmpf.visibility.detection_probability import detection_probabilities
@@ -214,7 +214,7 @@ class UnseenTraffic:
             return
         cells = taken(self._cells, near)
         along, across = offsets(cells, lost.lon_m, lost.lat_m)
-        std = np.maximum(np.hypot(lost.std_lon_m, 0.5 * cells.length_m[:, None]), 1e-3)
+        std = np.maximum(np.hypot(std_along_m(cells, lost), 0.5 * cells.length_m[:, None]), 1e-3)
         density = np.exp(-0.5 * (along / std) ** 2) / (np.sqrt(2.0 * np.pi) * std)
         density *= np.abs(across) < BESIDE_LANE_M
         gained = (density * cells.length_m[:, None] * lost.existence).sum(axis=1) / self._density_per_m
