@@ -254,10 +254,13 @@ def test_the_odds_that_a_false_object_is_followed_are_summed_over_cases(detected
     by_vehicle = (before.kinds[0, VEHICLE] * probability).sum()
     shares = np.outer(prior.shading, prior.detectability) / np.sum(prior.shading) / np.sum(prior.detectability)
     now = replace(before, unseen_s=np.array([0.0 if detected else 0.3]))
-    after = mistaken_after(now, before, seen_as(0.0, in_shadow), NOTHING, prior, DT_S)
+    after = mistaken_after(now, before, seen_as(0.0, in_shadow), NOTHING, prior, np.zeros(1), DT_S)
     lasts = np.exp(-DT_S / prior.life_s)
     ratio = lasts * (shares * probability).sum() / by_vehicle if detected else 1.0 / (1.0 - by_vehicle)
     assert after.mistaken / (1.0 - after.mistaken) == pytest.approx(0.25 * ratio)
     assert after.away_std == pytest.approx(np.array([[4.0 + 3.0 * DT_S, 1.0, 3.0]]))
     fast = replace(now, away_std=np.array([[19.0, 1.0, 30.0]]))
-    assert mistaken_after(fast, before, seen_as(0.0, in_shadow), NOTHING, prior, DT_S).away_std[0, 0] == 20.0
+    fast_after = mistaken_after(fast, before, seen_as(0.0, in_shadow), NOTHING, prior, np.zeros(1), DT_S)
+    assert fast_after.away_std[0, 0] == 20.0
+    across = mistaken_after(now, before, seen_as(0.0, in_shadow), NOTHING, prior, np.array([0.5 * np.pi]), DT_S)
+    assert across.away_std == pytest.approx(np.array([[4.0, 1.0 + 3.0 * DT_S, 3.0]]))
