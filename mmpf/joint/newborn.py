@@ -162,19 +162,21 @@ def appearances_at(
     sensor, plane, vehicle = known.sensor, situation.plane, options.vehicle
     lon, lat = situation.scan.detections.lon_m[chosen], situation.scan.detections.lat_m[chosen]
     components, nobody = mixture.components, len(mixture)
-    length, width = np.append(components.length_m, vehicle.length_m), np.append(components.width_m, vehicle.width_m)
-    bodies = Occluders(length, width, np.append(moments.heading_rad, 0.0))
-    casts = np.append((components.vehicle_share > 0.5) & components.confirmed, values=False)
-    table = depth_table(plane, np.append(moments.mean[LON], 0.0), np.append(moments.mean[LAT], 0.0), casts, bodies)
+    # Whoever was at one of the detections headed as its lane does, and hides nobody.
+    ahead = plane.road.axis_of(np.nan_to_num(plane.road.lane_heading_at(lon, lat)))
+    each = np.ones(len(chosen))
+    length = np.append(components.length_m, vehicle.length_m * each)
+    width = np.append(components.width_m, vehicle.width_m * each)
+    bodies = Occluders(length, width, np.append(moments.heading_rad, ahead))
+    casts = np.append((components.vehicle_share > 0.5) & components.confirmed, np.zeros(len(chosen), dtype=np.bool_))
+    table = depth_table(plane, np.append(moments.mean[LON], lon), np.append(moments.mean[LAT], lat), casts, bodies)
 
     half_width = np.full(len(chosen), 0.25 * (vehicle.length_m + vehicle.width_m))
-
-    ahead = plane.road.axis_of(np.nan_to_num(plane.road.lane_heading_at(lon, lat)))
 
     def visible(ahead_m: float) -> FloatArray:
         """Return the visible fraction of a vehicle so far ahead of each detection along its lane."""
         place = lon + ahead_m * np.cos(ahead), lat + ahead_m * np.sin(ahead)
-        seen = visible_fractions(plane, *place, np.full(len(chosen), nobody), bodies, table)
+        seen = visible_fractions(plane, *place, nobody + np.arange(len(chosen)), bodies, table)
         in_field = share_in_field(plane, *place, half_width, situation.scan.free_space)
         return seen if in_field is None else np.minimum(seen, in_field)
 

@@ -61,6 +61,13 @@ def test_who_is_too_far_away_or_too_fast_is_somebody_else() -> None:
     assert names_after(hidden_and_new(apart_mps=12.0)) == [HIDDEN, NEW]
 
 
+@pytest.mark.parametrize(("turned_rad", "linked"), [(0.0, 1), (0.5, 1), (np.pi, 0)])
+def test_a_vehicle_that_heads_another_way_is_not_the_hidden_one_seen_again(turned_rad: float, linked: int) -> None:
+    mixture = hidden_and_new(apart_m=0.0)
+    moments = replace(component_moments(mixture), heading_rad=np.array([0.0, turned_rad]))
+    assert hand_over_identity(mixture, moments, np.array([False, True]), OPTIONS, SCAN_S).settled == linked
+
+
 @pytest.mark.parametrize("existence", [0.2, 0.9])
 @pytest.mark.parametrize("axis", ["place", "speed"])
 def test_the_hidden_one_must_explain_it_better_than_a_vehicle_never_seen(axis: str, existence: float) -> None:

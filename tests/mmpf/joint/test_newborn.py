@@ -26,12 +26,14 @@ from mmpf.joint.kinds import (
 )
 from mmpf.joint.known import Known
 from mmpf.joint.newborn import SLOWEST_PASSING_MPS, Appearances, appearances_at, kinds_at_birth
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointOptions
 from mmpf.scan import SensorModel
 from mmpf.visibility.range_profile import Reach
+from tests.mmpf.map.scenes import graph_of
 from tests.mmpf.scenes import ROAD, belief_of, ego_at, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
@@ -191,6 +193,33 @@ def test_who_has_just_come_out_of_a_shadow_would_not_have_been_known_before() ->
     assert edge_m <= first_hidden - before <= edge_m + 2.0 * 4.7
     at_edge = found.in_view[(lon >= first_hidden - edge_m) & (lon < first_hidden)]
     assert (at_edge == 0.0).all()
+
+
+@pytest.mark.parametrize(("turned_rad", "tolerance"), [(0.5, 0.2), (1.0, 0.2), (0.5 * np.pi, 1e-9), (np.pi, 1e-9)])
+def test_what_would_have_been_known_does_not_depend_on_how_the_map_is_turned(
+    turned_rad: float, tolerance: float
+) -> None:
+    """A car beside the ego's lane hides part of the next lane; rays at other angles leave a tolerance."""
+    lon = np.arange(12.0, 60.0, 2.0)
+    cosine, sine = np.cos(turned_rad), np.sin(turned_rad)
+
+    def found(turn: FloatArray, heading_rad: float) -> FloatArray:
+        def at(along: float, left: float) -> tuple[float, float]:
+            x, y = turn @ (along, left)
+            return float(x), float(y)
+
+        lanes = {str(left): [at(-100.0, left), at(100.0, left)] for left in (0.0, 3.5, 7.0)}
+        plane = SensorPlane(replace(ego_at(0.0, 0.0), heading_rad=heading_rad), LaneGraphRoad(graph=graph_of(lanes)))
+        situation = replace(situation_with([at(each, 7.0) for each in lon]), plane=plane)
+        front = belief_of([spot(*at(15.0, 3.5))], confirmed=[True])
+        moments = replace(component_moments(front), heading_rad=np.array([heading_rad]))
+        known = replace(Known.of_data_sheet(SENSOR), false_objects=replace(NOTHING, since_start_s=1e3))
+        return appearances_at(np.arange(len(lon)), front, moments, known, situation, FilterOptions()).in_view
+
+    straight, turned = found(np.eye(2), 0.0), found(np.array([[cosine, -sine], [sine, cosine]]), turned_rad)
+    assert straight.min() == 0.0
+    assert straight.max() == 1.0
+    assert turned == pytest.approx(straight, abs=tolerance)
 
 
 @pytest.mark.parametrize("known", [True, False])

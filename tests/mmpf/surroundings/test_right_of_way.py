@@ -70,6 +70,17 @@ def test_who_drives_past_a_signal_shows_that_it_is_open_and_that_of_the_crossing
     assert chance[2] < 0.05
 
 
+def test_two_ways_that_each_list_the_other_as_crossing_count_once() -> None:
+    graph = crossing(SIGNALS)
+    assert graph.control is not None
+    both = replace(graph.control, foe=np.array([2, 0]), first_foe=np.array([0, 1, 1, 2, 2]))
+    log_odds = [
+        watched_signals(unknown_signals(each), vehicles(each, ("east-path", 5.0, 10.0)), each, 0.1)
+        for each in (graph, replace(graph, control=both))
+    ]
+    np.testing.assert_array_equal(*log_odds)
+
+
 def test_who_waits_at_the_line_shows_that_the_signal_is_closed_and_nothing_of_others() -> None:
     chance = after_watching(crossing(SIGNALS), 2.0, ("north-in", 87.0, 0.0))
     assert chance[2] < 0.1

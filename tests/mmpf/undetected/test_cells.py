@@ -10,8 +10,10 @@ from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.map.road import Lane
+from mmpf.undetected.apart import std_along_m
 from mmpf.undetected.cells import BEYOND_SECTION_M, CELL_M, cells_of
 from tests.mmpf.map.scenes import arc, graph_of
+from tests.mmpf.scenes import tracks_of
 
 BEND = arc(30.0, np.pi / 2)
 LEFT_OUT = BEND[-1] + [0.0, 40.0]
@@ -49,6 +51,12 @@ def test_what_flows_out_of_a_cell_flows_into_others_or_leaves_the_road(road):
     assert np.all(np.isclose(out, 1.0) | (out == 0.0))
     reached = np.isin(np.arange(len(cells)), links.target)
     np.testing.assert_array_equal(cells.entry, ~reached)
+
+
+def test_deviations_along_a_lane_are_those_of_the_axis_that_it_follows():
+    cells, _ = cells_of(LaneGraphRoad(graph=graph_of({"east": [(0, 0), (4, 0)], "north": [(0, 0), (0, 4)]})))
+    along = std_along_m(cells, tracks_of([0.0], [0.0], std_lon_m=8.0, std_lat_m=0.5))
+    np.testing.assert_allclose(along[:, 0], np.where(np.abs(cells.heading_rad) < 0.1, 8.0, 0.5))
 
 
 def test_linked_cells_touch(road):
