@@ -97,11 +97,10 @@ EXPLANATION = (
     "mean over collisions."
 )
 OF_CROSSINGS = (
-    "In episodes *cross* the ego comes up to a place where it must let a hidden car pass. *Yielded* says whether it "
-    "did, or waited until the end; *waited* is the time slower than 1 m/s before the place; *PET* is the "
-    "post-encroachment time with those who had right of way, 0 after a collision with one; *made brake* says whether "
-    "one of them braked harder than 3 m/s² while the ego was at the place; *unsafe to go* are the moments at which it "
-    "went on, of those at which by the truth it would have held."
+    "In episodes *cross* the ego comes up to a crossing where it must let a hidden car, the provoked vehicle, pass. It "
+    "has let it pass also if it waits until the end. *Waiting* is driving slower than 1 m/s before the crossing. The "
+    "post-encroachment time is that with the vehicles that have right of way, and 0 after a collision with one; such a "
+    "vehicle brakes hard if it brakes by more than 3 m/s² while the ego crosses."
 )
 OF_STOPPED = (
     "In episodes *stopped* a vehicle stands in the ego's lane while the traffic flows; nobody is between them, and at "

@@ -39,15 +39,15 @@ QUANTITIES = (
     Quantity(f"{TABLE}.jerk_mps3", "jerk, root mean square, m/s³", decimals=2),
     Quantity(f"{TABLE}.crossed_percent", "episodes in which the ego got across, %", higher_is_better=True),
     Quantity(
-        f"{TABLE}.yielded_percent", "episodes in which it let the provoked vehicle pass first, %",
+        f"{TABLE}.yielded_percent", "episodes in which the ego let the provoked vehicle pass first, %",
         higher_is_better=True,
     ),
-    Quantity(f"{TABLE}.waited_s", "time of waiting before it, s"),
+    Quantity(f"{TABLE}.waited_s", "time of waiting before the crossing, s"),
     Quantity(f"{TABLE}.pet_below_1_5_percent", "episodes with a post-encroachment time below 1.5 s, %"),
     Quantity(
         f"{TABLE}.made_brake_percent", "episodes in which one with right of way brakes hard while the ego crosses, %",
     ),
-    Quantity(f"{TABLE}.unsafe_to_go_percent", "moments at which it goes, of those at which the truth has it hold, %"),
+    Quantity(f"{TABLE}.unsafe_to_go_percent", "moments of holding with the truth at which the ego goes, %"),
 )  # fmt: skip
 """The last six are of episodes alone in which the ego comes to where it must yield."""
 SHORT_PET_S = 1.5

@@ -90,7 +90,7 @@ def look_up_changes(
     ratios: FloatArray,
     log_ratio: FloatArray,
 ) -> None:
-    """Write the log ratio of each particle, which began to change lanes if its aims, shape (2, n), are others after."""
+    """Write each particle's log ratio, shape (n,): it began to change lanes if ``aims``, shape (2, n), were others."""
     for n in range(len(log_ratio)):
         changes = after[0, n] != 0.0
         goes_on = changes & (after[0, n] == aims[0, n]) & (after[1, n] == aims[1, n])

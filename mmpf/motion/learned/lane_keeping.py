@@ -69,10 +69,8 @@ class LaneKeeper:
             surroundings: What the particles knew.
             dt_s: Length of the step.
         """
-        ratios, log_ratio = (
-            log_ratios(self.changes_per_s * dt_s, self.seen_changes_per_s * dt_s),
-            np.empty(len(after[0])),
-        )
+        ratios = log_ratios(self.changes_per_s * dt_s, self.seen_changes_per_s * dt_s)
+        log_ratio = np.empty(len(after[0]))
         look_up_changes(aims, after, *_lanes_around(surroundings), ratios, log_ratio)
         return log_ratio
 

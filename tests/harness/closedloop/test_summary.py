@@ -119,7 +119,7 @@ def test_scores_of_some_episodes_are_told_of_these_and_each_provocation_apart():
     assert (one(found, "truth", CROSSED).n, one(found, "truth", CROSSED).mean) == (6, 100.0)
     assert one(found, "mmpf", CROSSED, CROSS).excess == -100.0
     assert not [score for score in found if score.metric == CROSSED and score.episodes in (FREE_ONES, BRAKE)]
-    assert "*PET*" in as_markdown("t", found, table, [])
+    assert "*Waiting* is" in as_markdown("t", found, table, [])
     assert not [score for score in usual_scores() if score.episodes in (BRAKE, CROSS) or score.metric == CROSSED]
 
 
@@ -128,7 +128,7 @@ def test_cars_that_had_been_in_sight_and_those_that_never_were_are_told_apart():
     table["episode.seen_before"] = np.where(table[KIND] == CROSS, (table["seed"] < 2).astype(float), np.nan)
     found = scores(table)
     assert [one(found, "mmpf", TTC, name).n for name in (SEEN_BEFORE, NEVER_SEEN)] == [2, 4]
-    assert "*Yielded*" in as_markdown("t", found, table, [])
+    assert "*cross*" in as_markdown("t", found, table, [])
     only = scores(table[table["seed"] < 2])
     assert not [score for score in only if score.episodes in (SEEN_BEFORE, NEVER_SEEN)]
 
