@@ -7,7 +7,6 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from mmpf.motion import motion_model
 from mmpf.options.base import Settings
@@ -45,12 +44,6 @@ def test_which_hidden_components_are_reported_is_one_setting_for_both_rules(upda
     strict = tracks_of({"update": update, "reporting": {"reported_std_lon_m": 1e-3}})
     assert any((tracks.std_lon_m[tracks.state == HIDDEN] > 1e-3).any() for tracks in usual)
     assert not any((tracks.std_lon_m[tracks.state == HIDDEN] > 1e-3).any() for tracks in strict)
-
-
-@pytest.mark.parametrize("name", ["hidden_after_s", "reported_std_lon_m"])
-def test_the_names_under_which_the_joint_rule_once_had_them_are_refused(name: str) -> None:
-    with pytest.raises(ValidationError, match=name):
-        FilterOptions.model_validate({"joint": {name: 1.0}})
 
 
 def tracks_of(options: dict[str, object]) -> list[Tracks]:

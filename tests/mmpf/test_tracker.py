@@ -119,11 +119,3 @@ def test_a_refused_scan_leaves_the_filter_as_it_was() -> None:
             tracker.step(bad)
     after = drive(tracker, 1, [(20.0, lane_centre(2))], first_step=10)
     assert after.track_id.tolist() == before.track_id.tolist()
-
-
-@pytest.mark.parametrize("update", RULES)
-def test_the_same_seed_gives_the_same_tracks(update: str) -> None:
-    cars = [(20.0, lane_centre(1)), (26.0, lane_centre(1)), (-15.0, lane_centre(3))]
-    first, second = (drive(tracker_with(update, seed=3), 15, cars) for _ in range(2))
-    assert first.lon_m.tobytes() == second.lon_m.tobytes()
-    assert first.track_id.tolist() == second.track_id.tolist()

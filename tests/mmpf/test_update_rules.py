@@ -89,20 +89,3 @@ def test_component_weights_follow_equation_11() -> None:
     raw_sums = np.bincount(prior.cloud.component, likelihood / PARTICLES)
     expected = 0.5 * raw_sums / (0.5 * raw_sums).sum()
     assert np.exp(posterior.cloud.log_component_weight[posterior.starts[:-1]]) == pytest.approx(expected)
-
-
-def test_existence_rises_with_a_detection_and_falls_without_one_in_plain_view() -> None:
-    rule = JointUpdate(options_with({}), SensorModel())
-    prior = mixture_at([(30.0, lane_centre(2)), (-30.0, lane_centre(2))])
-    posterior = weights_after(rule, prior, [(30.0, lane_centre(2))])
-    assert posterior.components.existence[0] > 0.98
-    assert posterior.components.existence[1] < 0.85
-
-
-def test_one_detection_does_not_confirm_two_components() -> None:
-    rule = JointUpdate(options_with({}), SensorModel())
-    prior = mixture_at([(30.0, lane_centre(2)), (36.0, lane_centre(2))], std_m=2.0)
-    seen = Occlusion(np.full(len(prior.cloud), 0.9), *np.zeros((2, len(prior))))
-    moments, situation = component_moments(prior), situation_with([(30.0, lane_centre(2))])
-    updated = rule.measurement_update(prior, moments, seen, situation, np.random.default_rng(0))
-    assert updated.was_hit.tolist() == [True, False]

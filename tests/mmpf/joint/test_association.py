@@ -37,12 +37,6 @@ def enumerated(evidence: FloatArray, missed: FloatArray) -> tuple[FloatArray, Fl
     return probability / total, unexplained / total
 
 
-def test_two_components_and_two_detections_are_shared_out_as_by_enumeration() -> None:
-    evidence = np.array([[30.0, 2.0], [1.5, 20.0]])
-    missed = np.array([0.4, 0.5])
-    assert associate(evidence, missed, BIRTH).probability == pytest.approx(enumerated(evidence, missed)[0], abs=0.02)
-
-
 def test_belief_propagation_stays_close_to_enumeration_on_graphs_with_loops() -> None:
     worst = []
     for seed in range(300):
@@ -72,14 +66,6 @@ def test_the_order_of_components_and_detections_does_not_matter(seed: int) -> No
     rows, columns = rng.permutation(4), rng.permutation(5)
     shuffled = associate(np.ascontiguousarray(evidence[rows][:, columns]), missed[rows], BIRTH)
     assert shuffled.probability == pytest.approx(associate(evidence, missed, BIRTH).probability[rows][:, columns])
-
-
-def test_a_detection_between_two_components_is_shared_unless_sharing_is_allowed() -> None:
-    evidence, missed = np.full((2, 1), 100.0), np.full(2, 0.5)
-    exclusive = associate(evidence, missed, BIRTH, exclusive=True).probability
-    shared = associate(evidence, missed, BIRTH, exclusive=False).probability
-    assert exclusive.sum() <= 1.0 + 1e-9
-    assert shared.sum() > 1.9
 
 
 def assert_exact(evidence: FloatArray, missed: FloatArray, rel: float) -> None:
@@ -116,9 +102,3 @@ def test_without_exclusion_each_component_takes_the_detections_as_if_it_were_alo
         assert together.probability[t] == pytest.approx(alone.probability[0], rel=1e-9)
     by_all = (evidence / missed[:, None]).sum(axis=0)
     assert together.unexplained == pytest.approx((1.0 + birth) / (1.0 + birth + by_all))
-
-
-def test_the_more_newborn_vehicles_are_expected_the_less_of_a_detection_is_explained() -> None:
-    evidence, missed = np.array([[2.0]]), np.array([0.5])
-    unexplained = [associate(evidence, missed, birth).unexplained[0] for birth in (0.0, 0.3, 3.0)]
-    assert unexplained == pytest.approx([(1.0 + b) / (1.0 + b + 2.0 / 0.5) for b in (0.0, 0.3, 3.0)])

@@ -144,12 +144,6 @@ def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> N
     assert after.mixture.components.existence == pytest.approx(np.minimum(exists / mass, LARGEST), abs=0.02)
 
 
-def test_no_detection_however_clear_makes_a_component_certain() -> None:
-    prior = belief_of([cloud_at(PLACE)], existence=[LARGEST])
-    after = updated(rule_with(), prior, np.full(PARTICLES, 0.95), [PLACE])
-    assert after.mixture.components.existence == pytest.approx([LARGEST], abs=1e-12)
-
-
 def test_a_few_misses_in_a_shadow_leave_who_was_long_known_as_probable_as_before() -> None:
     known = rule_with().joint.existence.largest
     for _ in range(5):
