@@ -206,7 +206,8 @@ def test_the_level_is_shared_by_all_that_are_tested_and_by_nothing_else():
     t = stats.t(7).ppf(1 - 0.05 / 2)
     own, other = measured(3.0, 3.0 / t * 1.001), measured(0.0, 0.1)
     described = measured(9.0, 0.1, quantity=Quantity("else", "else"))
-    assert [each.verdict for each in judge([own, described], RULES)] == [WORSE, UNTESTED]
+    first, last = judge([own, described], RULES)
+    assert (first.verdict, last.verdict, last.ci95) == (WORSE, UNTESTED, described.effect.ci95)
     assert [each.verdict for each in judge([own, other], RULES)] == [UNDECIDED, NO_WORSE]
     known = measured(1.0, NAN, 1.0)
     assert [each.verdict for each in judge([own, known], RULES)] == [WORSE, UNDECIDED]

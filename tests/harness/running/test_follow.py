@@ -7,24 +7,16 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from harness.running.follow import StageTimes, follow
-from harness.running.recorder import ColumnRecorder, detections_of
+from harness.running.recorder import ColumnRecorder
 from harness.running.snapshots import RandomStreams, observe_traffic
 from harness.sensor.detector import build_sensor
 from harness.sensor.profiles import sensor_settings
 from harness.trackers.protocol import TrackerSetting
-from mmpf.scan import BodySizes
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, track
 
 
 def drive(traffic: SteadyTraffic, seed: int = 0, build=EchoTracker, profile: str = "lidar") -> SimpleNamespace:
     return track(observe_traffic(traffic, build_sensor(sensor_settings(profile, {})), seed), build, seed)
-
-
-def test_every_frame_is_recorded_once_and_in_order():
-    tables = drive(SteadyTraffic(steps=12))
-    assert list(tables.truth["step"].unique()) == list(range(12))
-    assert (tables.truth.groupby("step").size() == 18).all()
-    assert tables.truth["is_ego"].sum() == 12
 
 
 def test_another_tracker_leaves_truth_and_detections_as_they_were():
@@ -91,25 +83,6 @@ SIZE_COLUMNS = ["length_m", "width_m", "std_length_m", "std_width_m"]
 def test_detections_have_columns_of_size_only_if_the_sensor_measures_sizes(profile):
     recorded = drive(SteadyTraffic(steps=3), profile=profile).detections
     assert [name for name in recorded.columns if name in SIZE_COLUMNS] == ([] if profile == "radar" else SIZE_COLUMNS)
-
-
-def test_recorded_detections_are_those_that_the_tracker_got_sizes_included():
-    heard = []
-
-    class Listener(EchoTracker):
-        def step(self, scan):
-            heard.append(scan)
-            return super().step(scan)
-
-    recorded = drive(SteadyTraffic(steps=5), build=Listener).detections
-    # Scans before these were the rehearsal's.
-    for step, scan in enumerate(heard[-5:]):
-        sizes = detections_of(recorded[recorded["step"] == step]).sizes
-        assert isinstance(sizes, BodySizes)
-        for name in SIZE_COLUMNS:
-            assert getattr(sizes, name).tobytes() == getattr(scan.detections.sizes, name).tobytes()
-    assert set(recorded["step"]) == set(range(5))
-    assert detections_of(recorded.drop(columns="std_width_m")).sizes is None
 
 
 def test_a_step_that_was_cut_short_is_left_out():

@@ -86,14 +86,6 @@ def test_who_is_seen_and_who_is_hidden_by_whom(places, fractions, occluders):
     assert occluder.tolist() == occluders
 
 
-@pytest.mark.parametrize("bearing", [0.0, 0.3, np.pi / 2, np.pi, -np.pi + 1e-9, -2.0])
-def test_a_car_behind_a_car_is_hidden_in_every_direction(bearing):
-    near, far = 30 * np.array([np.cos(bearing), np.sin(bearing)]), 50 * np.array([np.cos(bearing), np.sin(bearing)])
-    fraction, occluder = cars(near, far, heading=bearing).look()
-    assert fraction == pytest.approx([1.0, 0.0])
-    assert occluder.tolist() == [-1, 0]
-
-
 def test_the_visible_fraction_of_a_half_covered_wall_follows_from_trigonometry():
     wall, screen = [0.0, 20.0, 0.0, 40.0, 0.002], [5.0, 10.0, 0.0, 10.0, 0.002]
     fraction, occluder = Scene(np.array([wall, screen])).look()

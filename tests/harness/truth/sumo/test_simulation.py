@@ -78,13 +78,6 @@ def check_that_vehicles_never_overlap(frames):
         assert np.array_equal(overlap, np.eye(len(frame), dtype=bool))
 
 
-def test_the_ego_is_a_car_on_a_middle_lane_near_the_start(frames):
-    first = frames[0]
-    assert first.lane[first.ego] in {2, 3, 4}
-    assert 0.0 <= first.lon_m[first.ego] < 120.0
-    assert 3.0 < first.length_m[first.ego] < 6.5
-
-
 def test_without_ego_frames_have_none():
     assert all(frame.ego == -1 for frame in drive(demand=5.0, duration_s=1.0, ego=False))
 
@@ -98,6 +91,7 @@ def test_another_ego_takes_over_at_the_end_of_the_section():
     assert set(np.diff(episodes)) == {0, 1}
     change = int(np.flatnonzero(np.diff(episodes))[0])
     assert egos[change] != egos[change + 1]
+    assert frames[0].lane[frames[0].ego] in {2, 3, 4}
     assert all(0.0 <= frame.lon_m[frame.ego] < 640.0 for frame in frames)
 
 
