@@ -195,11 +195,19 @@ def sums_and_weights(runs: pd.DataFrame, quantity: Quantity) -> tuple[FloatArray
     return values * weight if quantity.scale is None else quantity.scale * values, weight
 
 
-def summed_by(column: str, runs: pd.DataFrame, sums: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the totals over runs that have the same value in a column; runs without a sum count nothing."""
-    known = np.isfinite(sums) & np.isfinite(weight)
-    group = np.unique(runs[column].to_numpy(), return_inverse=True)[1]
-    summed, counted = (np.bincount(group, weights=np.where(known, values, 0.0)) for values in (sums, weight))
+def summed_by(
+    column: str, runs: pd.DataFrame, sums: FloatArray, weight: FloatArray, every: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the totals over runs that have the same value in a column; runs without a sum count nothing.
+
+    ``every`` has the sorted values whose totals are wanted; None for those of the runs.
+    """
+    known, own = np.isfinite(sums) & np.isfinite(weight), runs[column].to_numpy()
+    values = np.unique(own) if every is None else every
+    group = np.searchsorted(values, own)
+    summed, counted = (
+        np.bincount(group, weights=np.where(known, each, 0.0), minlength=len(values)) for each in (sums, weight)
+    )
     return summed.astype(np.float64), counted.astype(np.float64)
 
 
@@ -208,7 +216,7 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
     seeds = np.unique(runs["seed"].to_numpy())
     kept, sums, counts = [], [], []
     for density, at_density in runs.groupby("density", sort=True):
-        share, events = _on_all_seeds(at_density, judged, seeds)
+        share, events = summed_by("seed", at_density, *sums_and_weights(at_density, judged), seeds)
         if events.sum() >= FEWEST_EVENTS:
             kept.append(float(str(density)))
             sums.append(share)
@@ -227,13 +235,6 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
         )
         interval = (_finite(ends[0]), _finite(ends[1])) if np.isfinite(ends).any() else None
     return Break(label, _finite(crossing), interval, kept[-1], bool(crossing == densities[0]))
-
-
-def _on_all_seeds(runs: pd.DataFrame, quantity: Quantity, seeds: FloatArray) -> tuple[FloatArray, FloatArray]:
-    sums, counts = np.zeros(len(seeds)), np.zeros(len(seeds))
-    place = np.searchsorted(seeds, np.unique(runs["seed"].to_numpy()))
-    sums[place], counts[place] = summed_by("seed", runs, *sums_and_weights(runs, quantity))
-    return sums, counts
 
 
 def _crossings(densities: FloatArray, sums: FloatArray, counts: FloatArray) -> FloatArray:

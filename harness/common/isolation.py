@@ -134,6 +134,11 @@ def streamed(
             os.waitpid(child, 0)
 
 
+def end_with_parent() -> None:
+    """Let this process be killed when the one that started it ends, however that comes."""
+    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+
+
 @contextmanager
 def trusted() -> Iterator[None]:
     """Read in the block without forks: what this very process has written."""
@@ -176,7 +181,7 @@ def _work(
     """Do the work of a fork and end it, whatever comes."""
     try:
         os.setpgid(0, 0)
-        ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+        end_with_parent()
         if os.getppid() != owner:
             os._exit(0)
         for end in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import pickle
 import re
@@ -18,7 +17,7 @@ from typing import Any, NoReturn
 
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.exit_codes import RUN_FAILED
-from harness.common.isolation import DIES_WITH_PARENT
+from harness.common.isolation import end_with_parent
 from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c, ignore_ends
 from harness.common.streams import open_missing_streams
 
@@ -100,7 +99,7 @@ def survived(function: str, arguments: tuple[object, ...], named: str) -> Any:  
 
 def answer() -> None:
     """Do the work of the process that ``survived`` starts: call, and tell what came of it."""
-    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+    end_with_parent()
     writing = int(sys.argv[1])
     _tell_of_exits(writing)
     told: tuple[Any, BaseException | None]
@@ -147,7 +146,7 @@ def _fork(handed_on: Sequence[int]) -> tuple[int, int, set[Any]]:
             os.setpgid(child, child)
         return child, reading, mask
     os.setpgid(0, 0)
-    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+    end_with_parent()
     if os.getppid() != owner:
         os._exit(RUN_FAILED)
     return 0, writing, mask

@@ -68,7 +68,8 @@ def calibrate(options: CalibrationOptions, say: Callable[[str], object]) -> tupl
             candidate, own = candidates[-1], [seed + number * len(seeds) for seed in seeds]
             simulated, vehicles = _simulate(candidate.on(network), site, names, own, options, advance)
             off = misfit(simulated, site, vehicles)
-            trials.append(_trial_table(candidate, simulated, vehicles, off))
+            told = {"simulated": {name: asdict(figures) for name, figures in simulated.items()}}
+            trials.append({"misfit": off, **told, "vehicles": asdict(vehicles), **as_table(candidate)})
             say(_line(len(trials), simulated, vehicles, off))
             step = max(LAST_STEP, options["step"] / (1.0 + 0.3 * number))
             candidate = improved(candidate, simulated, site, step, keep_drivers)
@@ -138,14 +139,3 @@ def _line(number: int, simulated: dict[str, PeriodStatistics], vehicles: Vehicle
         f"accelerations spread by {vehicles.acceleration_spread_mps2:.2f} m/s²"
     )
     return f"trial {number}, misfit {off:.2f} (1 = just within what is allowed); " + "; ".join((*parts, driving))
-
-
-def _trial_table(
-    candidate: Candidate, simulated: dict[str, PeriodStatistics], vehicles: VehicleStatistics, off: float
-) -> dict[str, Any]:
-    return {
-        "misfit": off,
-        "simulated": {name: asdict(figures) for name, figures in simulated.items()},
-        "vehicles": asdict(vehicles),
-        **as_table(candidate),
-    }

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
-import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
 
-from harness.common.isolation import DIES_WITH_PARENT
+from harness.common.isolation import end_with_parent
 from harness.lab.fidelity.fields import Fields, fields_from_frames
 from harness.lab.fidelity.samples import BehaviourSamples, samples_of
 from harness.truth.network.network import Network
@@ -41,7 +39,8 @@ class RunJob:
 def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], None]) -> list[SimulatedRun]:
     """Make runs in processes of their own, since a process holds one simulation; return them in order."""
     count, context = min(workers, len(jobs)), get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
+    # When this process is killed the pool itself would wait for ever.
+    with ProcessPoolExecutor(count, mp_context=context, initializer=end_with_parent) as pool:
         futures = [pool.submit(job.run) for job in jobs]
         try:
             for future in as_completed(futures):
@@ -51,8 +50,3 @@ def simulate_all(jobs: Sequence[RunJob], workers: int, on_done: Callable[[], Non
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         return [future.result() for future in futures]
-
-
-def _end_with_parent() -> None:
-    """Let this worker end when the process that started it is killed; the pool itself would wait for ever."""
-    ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)

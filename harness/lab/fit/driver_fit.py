@@ -61,15 +61,11 @@ def fit_follower(windows: CarFollowing, components: int, seed: int, progress: Ca
 
 def fit_short(windows: CarFollowing, components: int, seed: int) -> ScaledGmm:
     """Fit the paper's short-term model, exactly its inputs and outputs, to unaltered samples."""
-    rng = np.random.default_rng(seed)
-    led = windows.led
-    x, y = short_samples(led)
-    chosen = rng.choice(len(x), size=min(SHORT_SAMPLES, len(x)), replace=False)
-    return fit_mixture(x[chosen], y[chosen], components, seed)
+    return fit_mixture(*short_samples(windows.led, SHORT_SAMPLES, np.random.default_rng(seed)), components, seed)
 
 
-def short_samples(led: CarFollowing) -> tuple[FloatArray, FloatArray]:
-    """Return all samples of the paper's inputs (n, 5) and outputs (n, 4)."""
+def short_samples(led: CarFollowing, most: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return so many samples, or all, of the inputs (n, 5) and outputs (n, 4) of the paper's short-term model."""
     distance = led.gap_m + led.leader_length_m[:, None]
     now, then = slice(None, -1), slice(1, None)
     columns = (led.offset_m, distance, led.speed_mps, led.accel_mps2, led.leader_speed_mps)
@@ -77,7 +73,8 @@ def short_samples(led: CarFollowing) -> tuple[FloatArray, FloatArray]:
     advance = np.diff(led.lon_m, axis=1).ravel()
     outputs = (led.offset_m[:, then], led.speed_mps[:, then], led.accel_mps2[:, then])
     offset, speed, accel = (column.ravel() for column in outputs)
-    return x, np.stack([offset, advance, speed, accel], axis=1)
+    chosen = rng.choice(len(x), size=min(most, len(x)), replace=False)
+    return x[chosen], np.stack([offset, advance, speed, accel], axis=1)[chosen]
 
 
 def driver_habit(led: CarFollowing) -> FloatArray:

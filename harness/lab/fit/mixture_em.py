@@ -60,18 +60,12 @@ def _expectation_maximisation(
 def _fitted(
     samples: FloatArray, components: int, seed: int, iterations: int, start: GaussianMixture | None = None
 ) -> GaussianMixture:
-    begun = {} if start is None else _as_start(start)
     model = GaussianMixture(
-        components, covariance_type="full", reg_covar=REGULARISATION, max_iter=iterations, random_state=seed, **begun
+        components, covariance_type="full", reg_covar=REGULARISATION, max_iter=iterations, random_state=seed
     )
+    if start is not None:
+        weights = start.weights_ / start.weights_.sum()
+        model.set_params(weights_init=weights, means_init=start.means_, precisions_init=start.precisions_)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         return model.fit(samples)
-
-
-def _as_start(fitted: GaussianMixture) -> dict[str, FloatArray]:
-    return {
-        "weights_init": fitted.weights_ / fitted.weights_.sum(),
-        "means_init": fitted.means_,
-        "precisions_init": fitted.precisions_,
-    }

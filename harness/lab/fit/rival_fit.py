@@ -102,7 +102,10 @@ def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptiv
         (intelligent_driver(fitted, NO_NOISE, "idm-fitted"), SPEED_DRIVEN, SPEED_DRIVEN),
         (AdaptiveDriver(fitted_driver, replace(adaptation, deviation_mps2=0.0), NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),
     )
-    found = {model.name: _most_likely(model, lon, lat, traffic) for model, lon, lat in rivals}
+    found = {}
+    for model, lon, lat in rivals:
+        away = np.concatenate([_errors(model, cases) for cases in traffic], axis=1)
+        found[model.name] = ProcessNoise(_density(away[:2], lon), _density(away[2:], lat))
     # Its deviations take the place of white noise along the road.
     return found | {"idm-adaptive": replace(found["idm-adaptive"], lon=0.0)}
 
@@ -141,8 +144,11 @@ def _search(
 ) -> FloatArray:
     cases = following_cases(windows, WINDOWS, np.random.default_rng(seed))
 
+    scored = {round(horizon / STEP_S): horizon for horizon in HORIZONS_S}
+
     def error(values: FloatArray) -> float:
-        return _closed_loop_error(model_of(values), cases)
+        states = ((step, state) for step, state in _rolled_out(model_of(values), cases) if step in scored)
+        return sum(float(np.abs(state[LON] - cases.truth[step, LON]).mean()) / scored[step] for step, state in states)
 
     lowest, highest = np.transpose(bounds)
     found = differential_evolution(
@@ -156,15 +162,6 @@ def _search(
     return np.asarray(found.x)
 
 
-def _closed_loop_error(model: MotionModel, cases: Cases) -> float:
-    scored = {round(horizon / STEP_S): horizon for horizon in HORIZONS_S}
-    return sum(
-        float(np.abs(state[LON] - cases.truth[step, LON]).mean()) / scored[step]
-        for step, state in _rolled_out(model, cases)
-        if step in scored
-    )
-
-
 def _rolled_out(model: MotionModel, cases: Cases, start: int = 0) -> Iterator[tuple[int, FloatArray]]:
     """Yield each later step with the states there, shape (6, m), of one particle a case that begins at the truth."""
     rng = np.random.default_rng(0)
@@ -173,13 +170,6 @@ def _rolled_out(model: MotionModel, cases: Cases, start: int = 0) -> Iterator[tu
     for step in range(start + 1, cases.steps):
         state, latents = model.propagate(state, latents, cases.surroundings(state, step - 1, True), STEP_S, rng)
         yield step, state
-
-
-def _most_likely(
-    model: MotionModel, lon_shape: FloatArray, lat_shape: FloatArray, traffic: Sequence[Cases]
-) -> ProcessNoise:
-    away = np.concatenate([_errors(model, cases) for cases in traffic], axis=1)
-    return ProcessNoise(_density(away[:2], lon_shape), _density(away[2:], lat_shape))
 
 
 def _errors(model: MotionModel, cases: Cases) -> FloatArray:

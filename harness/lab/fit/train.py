@@ -50,7 +50,6 @@ from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, save_
 from mmpf.motion.learned.follower import Follower
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import SHORT, short_term_driver
-from mmpf.numerics.arrays import FloatArray
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 RESIDUAL, RECURRENT, EMPIRICAL = residual.CASE, recurrent.CASE, empirical.CASE
@@ -119,26 +118,14 @@ def _train(
         raise InputError(f"`seeds`: {count} windows of car following are too few to train on; give more seeds")
     if plan.case not in PAPER_COMPONENTS:
         return _train_follower(plan, network, windows, held_out, say)
-    _fit_rivals(plan, network, windows, held_out, load_changes(tuning, network.road), say)
-    changes_per_s = changes_to_one_side_per_s(load_all(training))
-    return _train_keeping(plan, network, windows, changes_per_s, held_out, say)
-
-
-def _fit_rivals(
-    plan: TrainingPlan,
-    network: Network,
-    windows: CarFollowing,
-    held_out: CarFollowing,
-    held_changes: LaneChanges,
-    say: Say,
-) -> None:
-    """Fit the rivals' parameters to the training traffic and their noise to the tuning traffic, and write both."""
     say("fitting the rivals' parameters and noise")
-    driver = fit_idm(windows, plan.seed)
+    held_changes = load_changes(tuning, network.road)
     every_change = lane_change_cases(held_changes, len(held_changes), np.random.default_rng(plan.seed))
-    adaptive = fit_adaptive(windows, plan.seed)
+    driver, adaptive = fit_idm(windows, plan.seed), fit_adaptive(windows, plan.seed)
     noise = fit_noise([cases_of(held_out), every_change], driver, adaptive)
     write_rivals(plan.out, driver, adaptive, noise, traffic_version(network))
+    changes_per_s = changes_to_one_side_per_s(load_all(training))
+    return _train_keeping(plan, network, windows, changes_per_s, held_out, say)
 
 
 def _train_keeping(
@@ -158,7 +145,7 @@ def _train_keeping(
     say("scoring on held-out seeds")
     rng = np.random.default_rng(plan.seed)
     held_led = held_out.led
-    short_x, short_y = _some(*short_samples(held_led), HELD_OUT_SAMPLES, rng)
+    short_x, short_y = short_samples(held_led, HELD_OUT_SAMPLES, rng)
     asked = recovery_samples(held_led, driver_habit(held_led), HELD_OUT_SAMPLES, rng)
     facts = _facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1))
     own_fit = f"{follower.following.log_density(*asked).mean():.3f} nats (acceleration, recovery samples)"
@@ -294,11 +281,6 @@ def _fitted_to(samples: int, seed: int) -> str:
         f"k-means start and EM on {min(samples, START_SAMPLES)} samples{refined}; seed {seed}, regularisation 1e-6 of "
         "standardised variables"
     )
-
-
-def _some(x: FloatArray, y: FloatArray, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    chosen = rng.choice(len(x), size=min(count, len(x)), replace=False)
-    return x[chosen], y[chosen]
 
 
 KEEPING_LIMITS = (

@@ -164,7 +164,12 @@ def search(
     Raises:
         InputError: Optuna is not installed, or no setting counts.
     """
-    optuna = _optuna()
+    try:
+        optuna: Any = import_module("optuna")
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "optuna":
+            raise
+        raise InputError("tuning needs Optuna, which is not installed: pip install '.[tuning]'") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
 
     def tried(trial: Any) -> float:  # noqa: ANN401
@@ -191,15 +196,6 @@ def search(
         reason = study.trials[0].user_attrs.get("refused")
         raise InputError(f"every setting was refused, the first one for {reason}; fix the tracker")
     return study
-
-
-def _optuna() -> Any:  # noqa: ANN401
-    try:
-        return import_module("optuna")
-    except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] != "optuna":
-            raise
-        raise InputError("tuning needs Optuna, which is not installed: pip install '.[tuning]'") from None
 
 
 def _holds(values: Range | tuple[object, ...], value: object) -> bool:
