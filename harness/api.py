@@ -40,6 +40,16 @@ if TYPE_CHECKING:
     from harness.running.run import FinishedRun
 
 
+def _table_of(name: str, about: str) -> cached_property[pd.DataFrame]:
+    """Return a property that is a table of a run's folder, read on first use."""
+
+    def table(run: Run) -> pd.DataFrame:
+        return read_table(run.folder, f"{name}.parquet", "folder", ())
+
+    table.__doc__ = about
+    return cached_property(table)
+
+
 @dataclass(frozen=True)
 class Run:
     """A finished run; its tables are read from its folder on first use.
@@ -85,55 +95,22 @@ class Run:
 
         return read_metrics(self.folder, "folder"), finished.labels()
 
-    @cached_property
-    def truth(self) -> pd.DataFrame:
-        """One row per vehicle and step: where it was, and how much of it the sensor could see."""
-        return self._table("truth.parquet")
-
-    @cached_property
-    def detections(self) -> pd.DataFrame:
-        """One row per detection; ``truth_id`` is empty for clutter."""
-        return self._table("detections.parquet")
-
-    @cached_property
-    def tracks(self) -> pd.DataFrame:
-        """One row per track and step."""
-        return self._table("tracks.parquet")
-
-    @cached_property
-    def errors(self) -> pd.DataFrame:
-        """One row per vehicle that has been detected and step: its track, and how far off that is."""
-        return self._table("errors.parquet")
-
-    @cached_property
-    def events(self) -> pd.DataFrame:
-        """One row per occlusion: when, how long, and whether the track lasted."""
-        return self._table("events.parquet")
-
-    @cached_property
-    def brakings(self) -> pd.DataFrame:
-        """One row per missed or phantom braking: when, who was to blame, and what its track did."""
-        return self._table("brakings.parquet")
-
-    @cached_property
-    def commands(self) -> pd.DataFrame:
-        """One row per step: what the ego's driver would do by the truth and by the tracks."""
-        return self._table("commands.parquet")
-
-    @cached_property
-    def diagnostics(self) -> pd.DataFrame:
-        """One row per step: the tracker's internal diagnostics, if it reports any."""
-        return self._table("diagnostics.parquet")
-
-    @cached_property
-    def unseen(self) -> pd.DataFrame:
-        """One row per step and stretch of lane: how many undetected vehicles the tracker expects there."""
-        return self._table("unseen.parquet")
-
-    @cached_property
-    def particles(self) -> pd.DataFrame:
-        """A sample of the particles at some of the steps."""
-        return self._table("particles.parquet")
+    truth = _table_of("truth", "One row per vehicle and step: where it was, and how much of it the sensor could see.")
+    detections = _table_of("detections", "One row per detection; ``truth_id`` is empty for clutter.")
+    tracks = _table_of("tracks", "One row per track and step.")
+    errors = _table_of(
+        "errors", "One row per vehicle that has been detected and step: its track, and how far off that is."
+    )
+    events = _table_of("events", "One row per occlusion: when, how long, and whether the track lasted.")
+    brakings = _table_of(
+        "brakings", "One row per missed or phantom braking: when, who was to blame, and what its track did."
+    )
+    commands = _table_of("commands", "One row per step: what the ego's driver would do by the truth and by the tracks.")
+    diagnostics = _table_of("diagnostics", "One row per step: the tracker's internal diagnostics, if it reports any.")
+    unseen = _table_of(
+        "unseen", "One row per step and stretch of lane: how many undetected vehicles the tracker expects there."
+    )
+    particles = _table_of("particles", "A sample of the particles at some of the steps.")
 
     def report(self) -> Path:
         """Return the run's page, ``report.html``; it is written if it is not there."""
@@ -143,9 +120,6 @@ class Run:
 
             return write_page(self.folder)
         return page
-
-    def _table(self, name: str) -> pd.DataFrame:
-        return read_table(self.folder, name, "folder", ())
 
 
 @dataclass(frozen=True)
