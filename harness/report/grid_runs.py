@@ -23,6 +23,7 @@ from harness.grid.cells import GridPlan, PlannedRun, command_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.html_tables import html_table
 from harness.report.page import PAGE
+from harness.report.summary_text import number
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, KEPT, RUNS
@@ -87,13 +88,13 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     links: dict[tuple[str, str], Markup] = {}
     cell_of: list[int | None] = [None] * len(placed)
     beside = {run.key: cell.runs[0] for cell in grid.cells for run in cell.runs[1:]}
-    for number, ((tracker, setting), members) in enumerate(groupby(listed, key=lambda each: each[:2]), start=1):
+    for cell, ((tracker, setting), members) in enumerate(groupby(listed, key=lambda each: each[:2]), start=1):
         runs = [(place, run) for _, _, place, run in members]
         text = _mean(table.iloc[[place for place, _ in runs]], shown[0])
-        links[tracker, setting] = Markup("<a href='#cell-{}'>{}</a>").format(number, text)
+        links[tracker, setting] = Markup("<a href='#cell-{}'>{}</a>").format(cell, text)
         rows = [_row(folder, run, shown, values[place], beside.get(run.key)) for place, run in runs]
         for place, _ in runs:
-            cell_of[place] = number
+            cell_of[place] = cell
         headings = ["seed", *(quantity.heading or quantity.label for quantity in shown), "run"]
         cells.append(CellOfRuns(f"{tracker}, {setting}", html_table(headings, rows)))
     order = {setting: (nets.index(run.config.traffic.net), _order(run)) for _, setting, _, run in listed}
@@ -139,7 +140,7 @@ def _about(grid: GridPlan) -> str:
 def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
     """Return the mean over a cell's runs, weighted as in the curves."""
     mean, _ = ratio_of(*summed_by("seed", runs, *sums_and_weights(runs, quantity)))
-    return f"{mean:.{quantity.decimals}f}" if mean is not None else "-"
+    return number(mean, quantity.decimals)
 
 
 def plan_of(folder: Path) -> GridPlan | None:
@@ -155,10 +156,7 @@ def plan_of(folder: Path) -> GridPlan | None:
 def _row(
     folder: Path, run: PlannedRun, shown: list[Quantity], values: FloatArray, first: PlannedRun | None
 ) -> list[str | Markup]:
-    numbers = [
-        f"{value:.{quantity.decimals}f}" if np.isfinite(value) else "-"
-        for quantity, value in zip(shown, values, strict=True)
-    ]
+    numbers = [number(value, quantity.decimals) for quantity, value in zip(shown, values.tolist(), strict=True)]
     return [str(run.config.seed), *numbers, Markup(" · ").join(_ways(folder, run, first))]
 
 

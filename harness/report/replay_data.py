@@ -60,7 +60,8 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
     """
     reach_m = run.sensor.range_m + BEYOND_RANGE_M
     truth = run.truth if beside is not None or run.commands is None else _with_demands(run.truth, run.commands)
-    kept_truth = truth[_near_ego(truth, reach_m)]
+    away_m = (np.abs(_away_from_ego(truth, truth, name)) for name in ("lon_m", "lat_m"))
+    kept_truth = truth[np.maximum(*away_m) <= reach_m]
     size = _bytes(run, kept_truth) + (0 if beside is None else _bytes(beside.run, kept_truth))
     stride = 1 + size // MOST_BYTES
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
@@ -99,11 +100,6 @@ def pack(values: npt.ArrayLike, kind: str) -> dict[str, str]:
     """Return an array as its type (``f4``, ``u2``, ...) and its bytes, little-endian, as base64."""
     array = np.asarray(values).astype(f"<{kind}")
     return {"type": kind, "data": base64.b64encode(array.tobytes()).decode("ascii")}
-
-
-def _near_ego(truth: pd.DataFrame, reach_m: float) -> npt.NDArray[np.bool_]:
-    away_m = [np.abs(_away_from_ego(truth, truth, column)) for column in ("lon_m", "lat_m")]
-    return np.asarray(np.maximum(*away_m) <= reach_m)
 
 
 def _away_from_ego(table: pd.DataFrame, truth: pd.DataFrame, column: str) -> FloatArray:

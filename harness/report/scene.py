@@ -204,8 +204,17 @@ def in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:
 
 
 def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, float]) -> None:
-    """Draw each lane's two lines: dashed where the next lane begins, solid at the road's edge."""
-    draw_network(axes, road, origin)
+    """Draw each lane's two lines, dashed where the next lane begins, solid at the road's edge; in the plane walls too.
+
+    Of a network in the plane no path across a junction is drawn.
+    """
+    for line in road.lines():
+        for side in () if line.in_junction else (0.5, -0.5):
+            edge = shapely.get_coordinates(shapely.offset_curve(shapely.LineString(line.xy), side * line.width_m))
+            if len(edge):
+                axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
+    for wall in road.walls_near(0.0, 0.0, np.inf):
+        axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
     sides = [(ln.right_m, ln.start_m, ln.end_m) for ln in road.lanes] + [
         (ln.left_m, ln.start_m, ln.end_m) for ln in road.lanes
     ]
@@ -218,23 +227,6 @@ def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, floa
             both_sides = road.on_a_lane(middle, lat + np.array([-0.5, 0.5]))
             style: Any = (0, (6, 8)) if both_sides.all() else "solid"
             axes.plot([begin, finish], [lat, lat], color="#8c8c8c", lw=0.9, ls=style, zorder=2)
-
-
-def draw_network(axes: Axes, road: Road, origin: float) -> None:
-    """Draw the lanes and walls of a network in the plane, x relative to the origin; of a single road nothing."""
-    for edge in _lane_edges(road):
-        axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
-    for wall in road.walls_near(0.0, 0.0, np.inf):
-        axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
-
-
-def _lane_edges(road: Road) -> Iterator[FloatArray]:
-    """Yield the left and the right edge of each lane that is no path across a junction, in the plane, shape (k, 2)."""
-    for lane in road.lines():
-        for side in () if lane.in_junction else (0.5, -0.5):
-            edge = shapely.get_coordinates(shapely.offset_curve(shapely.LineString(lane.xy), side * lane.width_m))
-            if len(edge):
-                yield edge
 
 
 def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: float) -> None:

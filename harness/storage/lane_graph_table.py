@@ -19,19 +19,13 @@ FLOATS, INTEGERS = ("width_m", "speed_limit_mps"), ("left", "right", "successor"
 
 def graph_table(graph: LaneGraph) -> dict[str, Any]:
     """Return a graph as lists; numbers are read back as the same."""
-    return {
-        "name": list(graph.name),
-        **{name: getattr(graph, name).tolist() for name in ("xy", *FLOATS, *INTEGERS)},
-        "in_junction": np.flatnonzero(graph.in_junction).tolist(),
-        **({} if graph.control is None else {"control": _control_table(graph.control)}),
-    }
-
-
-def _control_table(control: LinkControl) -> dict[str, Any]:
-    return {
-        "signal_name": list(control.signal_name),
-        **{name: getattr(control, name).tolist() for name in CONTROL_INTEGERS},
-    }
+    table: dict[str, Any] = {"name": list(graph.name)}
+    table |= {name: getattr(graph, name).tolist() for name in ("xy", *FLOATS, *INTEGERS)}
+    table["in_junction"] = np.flatnonzero(graph.in_junction).tolist()
+    if (control := graph.control) is not None:
+        numbers = {name: getattr(control, name).tolist() for name in CONTROL_INTEGERS}
+        table["control"] = {"signal_name": list(control.signal_name), **numbers}
+    return table
 
 
 def graph_of(table: Mapping[str, Any]) -> LaneGraph:
@@ -40,15 +34,17 @@ def graph_of(table: Mapping[str, Any]) -> LaneGraph:
     Raises:
         ValueError: It is none, or larger than can be held; so are KeyError, TypeError and OverflowError.
     """
-    names = tuple(table["name"])
-    if not all(isinstance(name, str) for name in names):
-        raise ValueError("a lane's name is no text")
+    names = _texts(table["name"], "a lane's name")
     in_junction = np.zeros(len(names), dtype=np.bool_)
     in_junction[_integers(table["in_junction"])] = True
     columns: dict[str, Any] = {name: np.array(table[name], dtype=np.float64) for name in FLOATS}
     columns |= {name: _integers(table[name]) for name in INTEGERS}
     points = np.array(table["xy"], dtype=np.float64).reshape(-1, 2)
-    control = None if "control" not in table else _control_of(table["control"])
+    control = None
+    if "control" in table:
+        held = table["control"]
+        numbers = {name: _integers(held[name]) for name in CONTROL_INTEGERS}
+        control = LinkControl(signal_name=_texts(held["signal_name"], "a signal's name"), **numbers)
     graph = LaneGraph(name=names, xy=points, in_junction=in_junction, control=control, **columns)
     problem = graph_problem(graph)
     if problem:
@@ -56,11 +52,10 @@ def graph_of(table: Mapping[str, Any]) -> LaneGraph:
     return graph
 
 
-def _control_of(table: Mapping[str, Any]) -> LinkControl:
-    names = tuple(table["signal_name"])
-    if not all(isinstance(name, str) for name in names):
-        raise ValueError("a signal's name is no text")
-    return LinkControl(signal_name=names, **{name: _integers(table[name]) for name in CONTROL_INTEGERS})
+def _texts(values: Sequence[object], what: str) -> tuple[str, ...]:
+    if not all(isinstance(value, str) for value in values):
+        raise ValueError(f"{what} is no text")
+    return tuple(map(str, values))
 
 
 def walls_of(rows: Sequence[Sequence[float]]) -> FloatArray:
