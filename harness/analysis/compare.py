@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from harness.analysis import single
 from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
 from harness.analysis.coasting_ratio import RATIO_TOTALS, with_ratios
 from harness.analysis.experiments import differing, differing_code, on_other_traffic
-from harness.analysis.single import FOLLOWED, compare_runs, label_of, notes_of, seen_differently
 from harness.analysis.sources import SETTING, Source
 from harness.analysis.verdicts import (
     NO_WORSE,
@@ -149,12 +149,14 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
     differs = _differing(a, b, allow_different)
     told = [line for side in {a.folder: a, b.folder: b}.values() for line in unproven(side.folder, side.manifest)]
     if len(a.rows) == 1 and len(b.rows) == 1 and a.is_run and b.is_run:
-        if unlike := seen_differently(a, b):
+        seen = single.read_seen(a, b)
+        if unlike := single.seen_differently(*seen):
             _refuse_unless(allow_different, a, b, [_some(unlike)])
             differs = (_some(unlike), *differs)
-        singly, why = compare_runs(a, b, rules)
+        evidence = [single.evidence_of(side.folder, own) for side, own in zip((a, b), seen, strict=True)]
+        singly, why = single.compare_runs(a, b, evidence, rules)
         verdicts = _with_values(judge(singly, rules))
-        notes = (*told, *notes_of(a, b))
+        notes = (*told, *single.notes_of(a, b))
         return Judgement(a.name, b.name, verdicts, notes, rules, "vehicles", (), why, differs)
     arms: list[Arms] = []
     wanting = _missing_runs(a, b)
@@ -261,7 +263,7 @@ def _matching_labels(a: Source, b: Source) -> Iterator[tuple[str, pd.DataFrame, 
             raise InputError(f"compare: {side.name} lacks the columns {', '.join(missing)}; make the grid again")
     common = [label for label in a.labels if label in b.labels]
     if not common and len(a.labels) == len(b.labels) == 1:
-        yield label_of(a, b), a.rows, b.rows
+        yield single.label_of(a, b), a.rows, b.rows
     elif not common:
         raise InputError(
             f"compare: {a.name} and {b.name} have no tracker in common; choose one of each by FOLDER@LABEL, for "
@@ -299,7 +301,7 @@ def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
     return [
         f"{label}: errors of hidden vehicles are over those still followed; b follows fewer, so its smaller errors are "
         "no gain."
-        for label in sorted(labels((FOLLOWED,), falling) & labels(HIDDEN, falling))
+        for label in sorted(labels((single.FOLLOWED,), falling) & labels(HIDDEN, falling))
     ]
 
 

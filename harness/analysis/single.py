@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +35,8 @@ from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
 
 COMPARE = "compare"
-TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
+Seen = dict[str, pd.DataFrame]
+"""A run's tables of truth and detections, by file."""
 ERROR_COLUMNS = {"lon_m": "lon_error_m", "lat_m": "lat_error_m", "speed_mps": "speed_error_mps"}
 FOLLOWED = "hidden_outcomes.tracked_percent"
 BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
@@ -47,16 +48,18 @@ BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
 }
 
 
-def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDifference], Why]:
+def compare_runs(
+    a: Source, b: Source, evidence: Sequence[Evidence], rules: Rules
+) -> tuple[list[MetricDifference], Why]:
     """Return the differences of two single runs, vehicle by vehicle, and what their failures come from.
 
     Mean absolute errors are over the steps at which both follow a vehicle. Scores of a whole run that no vehicle has of
     its own have no interval.
 
-    Raises:
-        InputError: A table of theirs is missing or broken.
+    Args:
+        evidence: Of both runs, see ``evidence_of``.
     """
-    first, second = evidence_of(a.folder), evidence_of(b.folder)
+    first, second = evidence
     truth = first.rows.truth
     vehicles = int(truth.vehicle.max(initial=-1)) + 1
     near = closeness(truth, vehicles)
@@ -84,18 +87,27 @@ def compare_runs(a: Source, b: Source, rules: Rules) -> tuple[list[MetricDiffere
     return [measured(quantity) for quantity in compared_quantities(rules.primary)], why
 
 
-def seen_differently(a: Source, b: Source) -> list[str]:
-    """Return the columns of the truth and the detections of two runs on the same traffic that differ all the same.
+def read_seen(a: Source, b: Source) -> tuple[Seen, Seen]:
+    """Return the truth and the detections of two runs on the same traffic.
 
     Raises:
-        InputError: They are on different traffic.
+        InputError: They are on different traffic, or a table is missing or broken.
     """
-    _check_same_traffic(a, b)
-    found = []
-    for name in TABLES[:2]:
-        first, second = (runfolder.read_table(side.folder, name, COMPARE) for side in (a, b))
-        found += [f"{name}'s {key}" for key in first if key in second and not first[key].equals(second[key])]
-    return found
+    names = (runfolder.TRUTH, runfolder.DETECTIONS)
+    first, second = ({name: runfolder.read_table(side.folder, name, COMPARE) for name in names} for side in (a, b))
+    places = ["step", "episode", "vehicle_id", "lon_m", "lat_m"]
+    if not first[runfolder.TRUTH][places].equals(second[runfolder.TRUTH][places]):
+        raise InputError(
+            f"compare: {a.name} and {b.name} are single runs on different traffic, which cannot be compared; make the "
+            f"second with `replay` {a.folder}, or compare grids of several seeds"
+        )
+    return first, second
+
+
+def seen_differently(a: Seen, b: Seen) -> list[str]:
+    """Return the columns of the truth and the detections of two runs on the same traffic that differ all the same."""
+    both = [(name, key) for name in a for key in a[name] if key in b[name]]
+    return [f"{name}'s {key}" for name, key in both if not a[name][key].equals(b[name][key])]
 
 
 def label_of(a: Source, b: Source) -> str:
@@ -103,15 +115,15 @@ def label_of(a: Source, b: Source) -> str:
     return a.labels[0] if a.labels == b.labels else f"{a.labels[0]} (a), {b.labels[0]} (b)"
 
 
-def evidence_of(folder: Path) -> Evidence:
-    """Return what scoring finds out about a run, from the tables in its folder.
+def evidence_of(folder: Path, seen: Seen) -> Evidence:
+    """Return what scoring finds out about a run, from its truth and detections and from the tracks in its folder.
 
     Raises:
         InputError: A table is missing or broken.
     """
     with sound_tables(folder, COMPARE):
-        truth, detections, tracks = (runfolder.read_table(folder, name, COMPARE) for name in TABLES)
-        return gather(truth, detections, tracks, 0)
+        tracks = runfolder.read_table(folder, runfolder.TRACKS, COMPARE)
+        return gather(seen[runfolder.TRUTH], seen[runfolder.DETECTIONS], tracks, 0)
 
 
 def notes_of(a: Source, b: Source) -> list[str]:
@@ -162,13 +174,3 @@ def _common_errors(a: Evidence, b: Evidence) -> pd.DataFrame:
     codes = a.rows.truth.vehicle[scored_rows(a.rows, a.history)]
     known = a.error_table[keys].assign(vehicle=codes)
     return paired_errors(a.error_table, b.error_table).merge(known, on=keys)
-
-
-def _check_same_traffic(a: Source, b: Source) -> None:
-    places = ["step", "episode", "vehicle_id", "lon_m", "lat_m"]
-    first, second = (runfolder.read_table(side.folder, runfolder.TRUTH, COMPARE, places)[places] for side in (a, b))
-    if not first.equals(second):
-        raise InputError(
-            f"compare: {a.name} and {b.name} are single runs on different traffic, which cannot be compared; make the "
-            f"second with `replay` {a.folder}, or compare grids of several seeds"
-        )

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from harness.analysis.compare import Judgement, compare
-from harness.analysis.single import compare_runs
+from harness.analysis.single import compare_runs, evidence_of, read_seen
 from harness.analysis.sources import open_source
 from harness.analysis.verdicts import NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
 from harness.commands.app import run_command_line
@@ -263,7 +263,8 @@ def test_a_single_run_against_itself_differs_in_nothing(echo_run):
     assert {verdict.difference for verdict in verdicts if verdict.pairs} == {0.0}
     assert {verdict.verdict for verdict in verdicts if verdict.primary and verdict.pairs} == {NO_WORSE}
     a, b = (open_source(echo_run, "compare") for _ in range(2))
-    every, _ = compare_runs(a, b, Rules(primary=tuple(quantity.key for quantity in compared_quantities())))
+    rules = Rules(primary=tuple(quantity.key for quantity in compared_quantities()))
+    every, _ = compare_runs(a, b, [evidence_of(each.folder, read_seen(a, b)[0]) for each in (a, b)], rules)
     assert all(each.same for each in every if each.pairs)
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.analysis import single
 from harness.analysis.compare import compare
-from harness.analysis.single import compare_runs, evidence_of
+from harness.analysis.single import compare_runs, evidence_of, read_seen
 from harness.analysis.sources import Source
 from harness.analysis.vehicles import closeness, hota_by_vehicle
 from harness.analysis.verdicts import Rules, compared_quantities
@@ -30,8 +29,8 @@ def both() -> dict:
 @pytest.fixture
 def sides(both, monkeypatch) -> list[Source]:
     """Return both runs, whose evidence is at hand and whose traffic is known to be the same."""
-    monkeypatch.setattr(single, "evidence_of", lambda folder: both[folder])
-    monkeypatch.setattr("harness.analysis.compare.seen_differently", lambda a, b: [])
+    monkeypatch.setattr("harness.analysis.single.evidence_of", lambda folder, seen: both[folder])
+    monkeypatch.setattr("harness.analysis.single.read_seen", lambda a, b: ({}, {}))
     made = []
     for folder, evidence in both.items():
         row = {"label": f"tracker {folder}", **flattened(score_metrics(evidence))}
@@ -39,13 +38,13 @@ def sides(both, monkeypatch) -> list[Source]:
     return made
 
 
-def test_every_compared_metric_of_two_runs_is_measured_in_its_order(sides):
-    told, _ = compare_runs(*sides, Rules())
+def test_every_compared_metric_of_two_runs_is_measured_in_its_order(sides, both):
+    told, _ = compare_runs(*sides, both.values(), Rules())
     assert [each.quantity.key for each in told] == [each.key for each in compared_quantities()]
 
 
 def test_the_value_of_each_side_is_its_metric_and_errors_are_on_the_steps_of_both(sides, both):
-    told = {each.quantity.key: each for each in compare_runs(*sides, Rules())[0]}
+    told = {each.quantity.key: each for each in compare_runs(*sides, both.values(), Rules())[0]}
     first, second = both.values()
     for key in ("mot.hota", "mot.idf1", "hidden.hidden_cost_m", "occlusion.same_id_percent", "mot_all.hota"):
         assert [told[key].a, told[key].b] == pytest.approx([side.rows[key].iloc[0] for side in sides])
@@ -64,10 +63,10 @@ def test_the_value_of_each_side_is_its_metric_and_errors_are_on_the_steps_of_bot
     assert told["mot.hota"].effect.se == pytest.approx(np.sqrt(scatter * (units / (units - 1)) ** 2 + strays))
 
 
-def test_a_score_of_a_whole_run_has_a_difference_and_no_scatter(sides):
+def test_a_score_of_a_whole_run_has_a_difference_and_no_scatter(sides, both):
     sides[1].rows["mot.idf1"] = sides[0].rows["mot.idf1"]
     sides[0].rows["mot_all.hota"] = np.nan
-    told = {each.quantity.key: each for each in compare_runs(*sides, Rules())[0]}
+    told = {each.quantity.key: each for each in compare_runs(*sides, both.values(), Rules())[0]}
     same, missing, other = told["mot.idf1"], told["mot_all.hota"], told["hidden_outcomes.tracked_percent"]
     assert (same.effect.difference, same.same, same.pairs, same.effect.units) == (0.0, True, 1, 1.0)
     assert np.isnan(same.effect.se)
@@ -82,16 +81,16 @@ def test_a_run_is_no_worse_than_itself_though_false_tracks_scatter(sides, both):
     assert (compared.outcome, {verdict.verdict for verdict in compared.primary}) == ("no worse", {"no worse"})
 
 
-def test_what_only_the_first_run_has_is_wanting(sides):
+def test_what_only_the_first_run_has_is_wanting(sides, both):
     sides[1].rows["mot.hota"] = np.nan
-    told = {each.quantity.key: each for each in compare_runs(*sides, Rules())[0]}["mot.hota"]
+    told = {each.quantity.key: each for each in compare_runs(*sides, both.values(), Rules())[0]}["mot.hota"]
     assert (told.a, told.pairs, told.same) == (sides[0].rows["mot.hota"].iloc[0], 0, False)
     assert (told.effect.units, told.wanting) == (0.0, "b has no value of it")
     assert np.isnan([told.b, told.effect.difference, told.effect.se]).all()
 
 
 def test_the_failures_of_both_runs_are_told_with_where_they_can_be_watched(sides, both):
-    why = compare_runs(*sides, Rules())[1]
+    why = compare_runs(*sides, both.values(), Rules())[1]
     first, second = both.values()
     assert (list(why.a), list(why.b)) == (failures(first), failures(second))
     assert (why.folder_a, why.folder_b) == ("A", "B")
@@ -101,17 +100,16 @@ def test_runs_on_other_traffic_are_refused_and_a_spoilt_table_is_told(tmp_path):
     folders = [write_recorded_scene(tmp_path / name) for name in "ab"]
     rows = pd.DataFrame([{"label": "x"}])
     a, b = (Source(f"run {folder.name}", folder, rows, 0, True) for folder in folders)
-    single._check_same_traffic(a, b)
-    evidence = evidence_of(folders[0])
+    evidence = evidence_of(folders[0], read_seen(a, b)[0])
     assert sorted(set(evidence.rows.tracks.track_id.tolist())) == [1, 2, 3]
     assert len(evidence.rows.truth) == 3 * 60
     truth = pd.read_parquet(folders[1] / "truth.parquet")
     truth.assign(lon_m=truth["lon_m"] + 1.0).to_parquet(folders[1] / "truth.parquet")
     with pytest.raises(InputError, match=rf"different traffic.*`replay` {folders[0]}"):
-        single._check_same_traffic(a, b)
+        read_seen(a, b)
     for name, column in (("truth", "state"), ("detections", "truth_id"), ("tracks", "std_lon_m")):
         folder = write_recorded_scene(tmp_path / name)
         table = pd.read_parquet(folder / f"{name}.parquet")
         table.drop(columns=column).to_parquet(folder / f"{name}.parquet")
         with pytest.raises(InputError, match=rf"`compare`.*{name}.parquet.*{column}"):
-            evidence_of(folder)
+            evidence_of(folder, read_seen(*[Source("run", folder, rows, 0, True)] * 2)[0])
