@@ -47,6 +47,6 @@ def command(options: Options) -> None:
     if left_out or not quiet:
         typer.echo(report, err=True)
     if not quiet:
-        print_summary(metrics, folder)
+        print_summary(metrics, folder, is_log=True)
     if as_json:
         typer.echo(text_of(metrics), nl=False)

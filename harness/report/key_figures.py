@@ -69,8 +69,6 @@ def key_figures(run: RecordedRun) -> list[KeyFigure]:
     samples, within = coverage.get("n") or 0, number(coverage["coverage95"]["lon"], 0, " %")
     within = "too few samples" if 0 < samples < FEWEST_SAMPLES else within
     noise_m = np.hypot(noise["lon_m"], noise["lat_m"]) if noise.get("n") else 0.0
-    # Nobody knows how long the tracker of a log took.
-    is_log = run.manifest["command"].startswith("harness score")
     return [
         KeyFigure(
             "Error of hidden vehicles, 10 m if lost",
@@ -118,7 +116,7 @@ def key_figures(run: RecordedRun) -> list[KeyFigure]:
         ),
         KeyFigure(
             "Computing time of a step", "median, on the machine named below",
-            UNKNOWN if is_log else number(step_ms["p50"], 0, " ms"),
+            UNKNOWN if run.is_log else number(step_ms["p50"], 0, " ms"),
             detail=f"99 % within {number(step_ms['p99'], 0, ' ms')}",
             reference=f"{1000.0 * run.step_s:.0f} ms: real time",
         ),

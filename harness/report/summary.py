@@ -83,8 +83,8 @@ def better(quantity: Quantity) -> str:
     return "higher" if quantity.higher_is_better else "lower"
 
 
-def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
-    """Print the main figures of a run's ``metrics.json`` on stderr, and where its folder is."""
+def print_summary(metrics: Mapping[str, Any], folder: Path, *, is_log: bool = False) -> None:
+    """Print the main figures of a run's ``metrics.json`` on stderr, and where its folder is; of a log no times."""
     run = metrics["run"]
     words = [traffic_source(metrics), *(str(run[key]) for key in ("tracker", "model", "update") if run.get(key))]
     title = " · ".join(words)
@@ -94,7 +94,7 @@ def print_summary(metrics: Mapping[str, Any], folder: Path) -> None:
             _error_table(metrics["mae"]),
             _mot_table(metrics),
             _score_table(metrics),
-            _lines(metrics),
+            _lines(metrics, is_log),
             Text(f"Results: {folder}", style="bold"),
             Text(f"Open in a browser: {folder / 'report.html'}"),
         )
@@ -150,7 +150,7 @@ def _score_table(metrics: Mapping[str, Any]) -> Table:
     return table
 
 
-def _lines(metrics: Mapping[str, Any]) -> Text:
+def _lines(metrics: Mapping[str, Any], is_log: bool) -> Text:
     occlusion, traffic, timing = metrics["occlusion"], metrics["traffic"], metrics["timing"]
     elsewhere = (occlusion["survived"] or 0) - (occlusion["same_id"] or 0)
     events = (
@@ -170,7 +170,7 @@ def _lines(metrics: Mapping[str, Any]) -> Text:
         f"{number(timing['tracker_ms']['p50'], 1)} ms a step (median)"
     )
     plain, driver = _plain_view(metrics.get("in_plain_view") or {}), decision_sentence(metrics)
-    lines = (plain, events, driver, "What scores mean: docs/explanation/scores.md", road, speed)
+    lines = (plain, events, driver, "What scores mean: docs/explanation/scores.md", road, "" if is_log else speed)
     return Text("\n".join(line for line in lines if line))
 
 

@@ -209,12 +209,15 @@ def write_run(
     config: RunConfig,
     command: str,
     inputs: Mapping[str, str] | None = None,
+    *,
+    is_log: bool = False,
 ) -> None:
     """Write the folder of a run that is in memory, without pictures; half a folder is none.
 
     Args:
         command: What makes it again.
         inputs: SHA-256 of each input file.
+        is_log: Whether the tracks are a log's.
     """
     (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
     (folder / runfolder.MANIFEST).unlink(missing_ok=True)
@@ -222,7 +225,7 @@ def write_run(
     write_config(config, folder / runfolder.CONFIG)
     runfolder.write_road(evaluated.road, folder / runfolder.ROAD)
     code, models = provenance_of([config])
-    writer = RunWriter(folder, config.seed, command, models, code)
+    writer = RunWriter(folder, config.seed, command, models, code, is_log)
     writer.inputs = inputs or {}
     writer.append(evaluated.tables)
     writer.finish(metrics, evaluated.steps)

@@ -66,6 +66,11 @@ class RecordedRun:
         times = self.truth["time_s"].unique()
         return float(np.median(np.diff(times))) if len(times) > 1 else 0.1
 
+    @property
+    def is_log(self) -> bool:
+        """Whether its tracks are a log's; folders that do not say so, of version 0.2.0, are told by their command."""
+        return bool(self.manifest.get("is_log", self.manifest["command"].startswith("harness score")))
+
     @cached_property
     def ramps(self) -> list[FloatArray]:
         """Return the ground beside the main lanes on which vehicles drive, such as ramps.

@@ -137,7 +137,7 @@ def score_logs(
         if by_rules := _by_nuscenes_rules(logs):
             metrics["nuscenes"] = by_rules
             report += "; by nuScenes' rules AMOTA is {amota:.3f} and AMOTP {amotp:.3f} m".format(**by_rules)
-        write_run(pending.path, evaluated, metrics, config, command, snapshots.hashes())
+        write_run(pending.path, evaluated, metrics, config, command, snapshots.hashes(), is_log=True)
         with trusted():
             draw(pending.path)
         with signals_held(forgotten=True):

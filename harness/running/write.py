@@ -29,6 +29,7 @@ class RunWriter:
         command: What made it.
         inputs: SHA-256 of each input file.
         code: SHA-256 of the code that decides results.
+        is_log: Whether the tracks are a log's.
         wall_s: Wall time of each phase so far.
     """
 
@@ -37,6 +38,7 @@ class RunWriter:
     command: str
     inputs: Mapping[str, str] = field(default_factory=dict)
     code: Mapping[str, str] = field(default_factory=dict)
+    is_log: bool = False
     wall_s: dict[str, float] = field(default_factory=dict)
     _stretch: int = 0
 
@@ -109,7 +111,5 @@ class RunWriter:
 
     def _write_manifest(self, status: str, problem: str | None, steps: int, rows: Mapping[str, int]) -> None:
         files = hashes_of(self.folder) if status == runfolder.COMPLETE else {}
-        facts = RunFacts(
-            status, self.command, self.seed, steps, self.inputs, self.wall_s, problem, rows, self.code, files
-        )
-        write_manifest(self.folder / runfolder.MANIFEST, facts)
+        facts = (status, self.command, self.seed, steps, self.inputs, self.wall_s, problem, rows, self.code, files)
+        write_manifest(self.folder / runfolder.MANIFEST, RunFacts(*facts, is_log=self.is_log))

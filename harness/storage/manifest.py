@@ -36,6 +36,7 @@ class RunFacts:
         rows: Rows of each of the run's tables, by file.
         code: SHA-256 of the code that decides results, by package or module.
         files: SHA-256 of each file of results, by which one that was edited is recognised.
+        is_log: Whether its tracks are a log's, so that nobody knows how long their tracker took.
     """
 
     status: str
@@ -48,13 +49,14 @@ class RunFacts:
     rows: Mapping[str, int] = field(default_factory=dict)
     code: Mapping[str, str] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
+    is_log: bool = False
 
 
 def write_manifest(path: Path, facts: RunFacts) -> None:
     """Write ``manifest.json``."""
     manifest = {
-        "status": facts.status, "problem": facts.problem, "command": facts.command, "seed": facts.seed,
-        "steps": facts.steps, "rows": dict(facts.rows),
+        "status": facts.status, "problem": facts.problem, "command": facts.command, "is_log": facts.is_log,
+        "seed": facts.seed, "steps": facts.steps, "rows": dict(facts.rows),
         "versions": {name: _version(name) for name in PACKAGES} | {"python": platform.python_version()},
         "git_revision": _git_revision(), CODE: dict(facts.code), INPUTS: dict(facts.inputs), FILES: dict(facts.files),
         "machine": {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
