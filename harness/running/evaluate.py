@@ -225,8 +225,7 @@ def write_run(
     write_config(config, folder / runfolder.CONFIG)
     runfolder.write_road(evaluated.road, folder / runfolder.ROAD)
     code, models = provenance_of([config])
-    writer = RunWriter(folder, config.seed, command, models, code, is_log)
-    writer.inputs = inputs or {}
+    writer = RunWriter(folder, config.seed, command, {**(inputs or {}), **models}, code, is_log)
     writer.append(evaluated.tables)
     writer.finish(metrics, evaluated.steps)
     ownership.record_all(folder, ownership.RUN)

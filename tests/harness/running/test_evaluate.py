@@ -12,7 +12,8 @@ from harness.running.run import run
 from harness.storage import run_folder as runfolder
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, observing
 
-CONFIG = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 3})
+ECHO = {"tracker": "tests.harness.stand_ins:echo_tracker", "model_file": __file__}
+CONFIG = resolve_run_config(options={**ECHO, "seed": 3})
 
 
 def test_a_run_that_is_written_at_once_leaves_the_files_of_one_that_is_written_as_it_goes_on(tmp_path):
@@ -25,8 +26,10 @@ def test_a_run_that_is_written_at_once_leaves_the_files_of_one_that_is_written_a
     assert {runfolder.TRUTH, runfolder.UNSEEN, runfolder.ERRORS, runfolder.COMMANDS} <= tables
     for name in (*tables, runfolder.CONFIG, runfolder.ROAD):
         assert (tmp_path / "at_once" / name).read_bytes() == (tmp_path / "going_on" / name).read_bytes(), name
-    for name, part in ((runfolder.METRICS, "mot"), (runfolder.MANIFEST, "rows"), (runfolder.MANIFEST, "steps")):
+    told = ((runfolder.MANIFEST, part) for part in ("rows", "steps", "inputs_sha256"))
+    for name, part in ((runfolder.METRICS, "mot"), *told):
         mine, theirs = (json.loads((tmp_path / kind / name).read_text())[part] for kind in ("at_once", "going_on"))
+        assert mine
         assert mine == theirs, part
 
 
