@@ -34,8 +34,8 @@ from mmpf.visibility.field import share_in_field
 from mmpf.visibility.range_profile import share_at
 from mmpf.visibility.shadows import visible_fractions
 
-# So many scans those were overlooked for who are first detected in plain view.
-OVERLOOKED_SCANS = 4.0
+OVERLOOKED_S = 0.4
+"""For so long those were overlooked who are first detected in plain view."""
 # Vehicles pass each other at this speed though the ego stands.
 SLOWEST_PASSING_MPS = 7.0
 OUT_OF_VIEW_PER_S, IN_SHADOW = 4.0, 0.1
@@ -60,11 +60,13 @@ class Appearances:
         in_view: Degree, 0 to 1, to which a vehicle would have been known there before, shape (k,).
         in_view_standing: The same of a vehicle that stands, which the ego passes at its own speed, shape (k,).
         seen_share: Detection probability there, given the shadows, over that in plain view, shape (k,).
+        scan_s: Time from scan to scan.
     """
 
     in_view: FloatArray
     in_view_standing: FloatArray
     seen_share: FloatArray
+    scan_s: float
 
     def standing_ratio(self) -> FloatArray:
         """Return how many times more often standing than moving vehicles appear there, at least 1, shape (k,)."""
@@ -74,7 +76,7 @@ class Appearances:
     @classmethod
     def unwatched(cls, count: int) -> Self:
         """Return places of the first scan: nothing was observed before, so vehicles can be anywhere."""
-        return cls(np.zeros(count), np.zeros(count), np.ones(count))
+        return cls(np.zeros(count), np.zeros(count), np.ones(count), OVERLOOKED_S)
 
 
 def kinds_at_birth(
@@ -97,7 +99,7 @@ def kinds_at_birth(
     kinds = np.zeros((len(places.in_view), *SHAPE))
     vehicles, newborn, false_objects = options.vehicles, options.newborn, options.false_objects
     usual = learned.vehicle_profile(vehicles) * DETECTABILITY
-    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** OVERLOOKED_SCANS
+    overlooked = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** (OVERLOOKED_S / places.scan_s)
     late = newborn.overlooked_share * places.in_view
     profile = (1.0 - late)[:, None] * usual / usual.sum() + late[:, None] * overlooked / overlooked.sum()
     shadow = _by_shading(learned.vehicle_shading(vehicles), places.seen_share)
@@ -198,4 +200,6 @@ def appearances_at(
     moving = in_view(SLOWEST_PASSING_MPS)
     standing = np.minimum(moving, in_view(max(abs(plane.ego.speed_mps), SLOWEST_PASSING_MPS)))
     seen = np.where(here < sensor.hidden_fraction, options.joint.detectability.hidden_probability, here)
-    return Appearances(moving, standing, np.minimum(seen / sensor.full_view_fraction, 1.0))
+    # Times are known to the microsecond, so their differences are rounded to it.
+    scan_s = round(situation.dt_s, 6)
+    return Appearances(moving, standing, np.minimum(seen / sensor.full_view_fraction, 1.0), scan_s)

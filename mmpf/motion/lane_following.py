@@ -36,7 +36,8 @@ ABOVE_LIMIT, BRAKING_MPS2 = 1.3, 3.0
 HARD_BRAKING_MPS2 = 3.5
 # Who is this far outside of its lane has lost it; another is taken whose direction differs by less than this.
 LOST_M, ASTRAY_RAD = 1.5, np.deg2rad(60.0)
-LOOKS_AROUND = 0.2
+LOOKS_AROUND, LOOK_S = 0.2, 0.1
+"""Share of vehicles astray that look for a lane within so long a time; looking costs."""
 # How near to a lane's middle a vehicle was born that belongs to it.
 BESIDE_STD_M = 1.0
 # A map can be wrong. This is the weight of no lane against that of a lane whose middle the vehicle is on. At this rate
@@ -176,7 +177,7 @@ class LaneFollowing:
         moved[LAT_SPEED, free] = 0.0
         beyond = (along < -LOST_M) | (along > graph.length_m[lane] + LOST_M)
         astray = free | beyond | (np.abs(left) > 0.5 * graph.width_m[lane] + LOST_M)
-        self._find_way_back(moved, np.flatnonzero(astray), lane, following, direction, rng)
+        self._find_way_back(moved, np.flatnonzero(astray), lane, following, direction, dt_s, rng)
         gate = np.where(rethink < dt_s / GATE_S, gate, latents[GATE])
         latents[-GUIDANCE_SIZE:] = gate, lane, following, direction
         return moved
@@ -204,11 +205,13 @@ class LaneFollowing:
         lane: IntArray,
         following: IntArray,
         direction: FloatArray,
+        dt_s: float,
         rng: np.random.Generator,
     ) -> None:
         """Look for a lane for those that are on none or far beside theirs; all is changed in place."""
-        # A share of them at a time: most find none, and looking costs.
-        index = astray[rng.uniform(size=len(astray)) < LOOKS_AROUND]
+        # Times are known to the microsecond, so their differences are rounded to it.
+        share = 1.0 - (1.0 - LOOKS_AROUND) ** (round(dt_s, 6) / LOOK_S)
+        index = astray[rng.uniform(size=len(astray)) < share]
         if len(index) == 0:
             return
         lane[index], direction[index] = self._draw_lanes(state[LON, index], state[LAT, index], direction[index], rng)

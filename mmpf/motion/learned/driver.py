@@ -61,7 +61,7 @@ class FreeDriver:
     Attributes:
         lag_per_s: Rate at which acceleration approaches what is wanted.
         gain_per_s: Wanted acceleration per m/s of missing speed.
-        accel_noise_mps2: Standard deviation of the acceleration's noise in each step, fitted to steps of 0.1 s.
+        accel_noise_mps2: Standard deviation of the acceleration's noise in each step, for steps of 0.1 s.
         desired_per_accel_s: How much more than the present speed is desired per m/s² of present acceleration.
         desired_spread_mps: Standard deviation of the desired speed given present speed and acceleration.
     """
@@ -73,10 +73,16 @@ class FreeDriver:
     desired_spread_mps: float
 
     def driving(self, dt_s: float) -> FreeDriving:
-        """Return what one step needs."""
-        return FreeDriving(
-            min(self.lag_per_s * dt_s, 1.0), self.gain_per_s, self.accel_noise_mps2, turning_driver().strongest_mps2
-        )
+        """Return what one step needs; accelerations spread alike at any length of the step (an AR(1) process)."""
+
+        def variance_share(step_s: float) -> float:
+            return 1.0 - (1.0 - min(max(self.lag_per_s, 1e-6) * step_s, 1.0)) ** 2
+
+        # Times are known to the microsecond, so their differences are rounded to it.
+        ratio = variance_share(round(dt_s, 6)) / variance_share(residual.FITTED_STEP_S)
+        noise_mps2 = self.accel_noise_mps2 * float(np.sqrt(ratio))
+        approach = min(self.lag_per_s * dt_s, 1.0)
+        return FreeDriving(approach, self.gain_per_s, noise_mps2, turning_driver().strongest_mps2)
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def scanned(
 
 
 def newborn(options: FilterOptions = OPTIONS, in_view: float = 0.0) -> FloatArray:
-    place = Appearances(np.array([in_view]), np.array([in_view]), np.ones(1))
+    place = Appearances(np.array([in_view]), np.array([in_view]), np.ones(1), DT_S)
     return kinds_at_birth(place, NOTHING, SensorModel(), options.joint)
 
 

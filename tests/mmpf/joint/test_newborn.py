@@ -46,9 +46,13 @@ shares = st.floats(0.0, 1.0)
 
 
 def born(
-    in_view: float, seen_share: float = 1.0, learned: FalseObjects = NOTHING, options: JointOptions = OPTIONS
+    in_view: float,
+    seen_share: float = 1.0,
+    learned: FalseObjects = NOTHING,
+    options: JointOptions = OPTIONS,
+    scan_s: float = 0.1,
 ) -> FloatArray:
-    place = Appearances(np.array([in_view]), np.array([in_view]), np.array([seen_share]))
+    place = Appearances(np.array([in_view]), np.array([in_view]), np.array([seen_share]), scan_s)
     return kinds_at_birth(place, learned, SENSOR, options)
 
 
@@ -147,6 +151,14 @@ def test_a_vehicle_first_detected_in_plain_view_had_probably_been_overlooked() -
         return float(mean_detectability(vehicles)[0])
 
     assert level(1.0) < level(0.5) < level(0.0)
+
+
+@pytest.mark.parametrize("scan_s", [0.05, 0.1, 0.2])
+def test_it_was_missed_by_all_scans_of_the_time_in_which_it_was_overlooked(scan_s: float) -> None:
+    usual, late = (born(each, scan_s=scan_s)[0, VEHICLE].sum(axis=0) for each in (0.0, 1.0))
+    missed = usual * (1.0 - np.minimum(DETECTABILITY, 0.99)) ** round(0.4 / scan_s)
+    usual, missed, share = usual / usual.sum(), missed / missed.sum(), OPTIONS.newborn.overlooked_share
+    assert late / late.sum() == pytest.approx((1.0 - share) * usual + share * missed)
 
 
 @pytest.mark.parametrize("seen_share", [0.02, 0.3, 1.0])

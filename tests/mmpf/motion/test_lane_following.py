@@ -160,6 +160,15 @@ def test_a_few_particles_of_a_vehicle_in_sight_leave_their_lane_so_that_the_map_
     assert shares == [pytest.approx(0.1 * LEAVES_PER_S * (1.0 - back), rel=0.25), 0.0]
 
 
+@pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.2])
+def test_as_many_find_back_to_a_lane_within_a_time_at_any_length_of_the_step(dt_s: float) -> None:
+    drive = Drive(graph_of({"there": [(0, 0), (400, 0)]}), ["there"] * 20_000, [50.0] * 20_000, 6.0)
+    drive.latents[LANE] = NOWHERE
+    drive.go(round(0.4 / dt_s), dt_s)
+    looked = 1.0 - (1.0 - LOOKS_AROUND) ** 4
+    assert np.mean(np.array(drive.lanes) == "there") == pytest.approx(looked / (1.0 + ON_NO_LANE), abs=0.02)
+
+
 def test_a_vehicle_far_from_the_middle_of_the_only_lane_is_often_born_on_none() -> None:
     motion, state = (
         LaneFollowing(Memoryless("glide", glide), graph_of({"there": [(0, 0), (100, 0)]})),

@@ -51,6 +51,15 @@ def test_a_hidden_particle_keeps_its_driver_and_a_seen_one_gets_a_new_one_now_an
     assert 0.005 < (first[HABIT] != seen[HABIT]).mean() < 0.05
 
 
+@pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.2, 1.0])
+def test_free_acceleration_spreads_alike_at_any_length_of_the_step(dt_s):
+    """As an AR(1) process, whose variance is that of its noise over 1 - (1 - approach)²."""
+    fitted = LearnedDriver().model.free
+    step = fitted.driving(dt_s)
+    variance = fitted.accel_noise_mps2**2 / (1.0 - (1.0 - 0.1 * fitted.lag_per_s) ** 2)
+    assert step.noise_mps2**2 / (1.0 - (1.0 - step.approach) ** 2) == pytest.approx(variance)
+
+
 def test_lane_keepers_stay_in_their_lane():
     state, _, _ = drive(LearnedDriver(changes_lanes=False), states(300, 20.0), 200, 20.0)
     assert (np.abs(state[LAT] - 2.0) < 1.5).mean() > 0.97
