@@ -70,9 +70,10 @@ def print_result(
     title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str], place: str
 ) -> None:
     """Print the same in short on stderr."""
-    lines = [f"# {title}", ""]
+    lines, known = [f"# {title}", ""], {point.metric for point in points}
+    shown = [quantity for quantity in curve_quantities() if not quantity.is_of_some_runs or quantity.key in known]
     for axis in dict.fromkeys(point.axis for point in points):
-        name, shown = NAMES.get(axis, axis), _drawn(points)
+        name = NAMES.get(axis, axis)
         # In one column, which every part of a table that is wider than the screen begins with.
         headings = [f"tracker, {name.rpartition('.')[2]}", *(each.heading or each.label for each in shown)]
         rows = [[f"{row[0]}, {row[1]}", *row[2:-1]] for row in _rows(points, axis, shown, False)]
@@ -151,12 +152,6 @@ def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:
         if not quantity.is_of_some_runs or quantity.key in metrics:
             themes.setdefault(THEMES.get(quantity.metric, REST_NOTE), []).append(quantity)
     return list(themes.items())
-
-
-def _drawn(points: Sequence[Point]) -> list[Quantity]:
-    """Return what has curves, of optional ones those that have a point."""
-    known = {point.metric for point in points}
-    return [quantity for quantity in curve_quantities() if not quantity.is_of_some_runs or quantity.key in known]
 
 
 def _rows(points: Sequence[Point], axis: str, columns: Sequence[Quantity], with_intervals: bool) -> list[list[str]]:

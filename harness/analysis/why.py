@@ -85,10 +85,6 @@ class _Tracks:
         # Rows are sorted by step, so what is written last is a track's last row.
         self.first[self.rows.track[::-1]], self.last[self.rows.track] = places[::-1], places
 
-    def row_at(self, track: int, step: int) -> int:
-        """Return a track's row at a step, -1 where it is not reported."""
-        return int(find_track_rows(self.evidence.rows, np.array([step]), np.array([track]))[0])
-
     def end_of(self, track: int, vehicle_row: int) -> str:
         """Return why a track ended: within the gate along its vehicle of another that went on, or not."""
         rows, row = self.rows, int(self.last[track])
@@ -123,7 +119,7 @@ def _cause_of_switch(evidence: Evidence, tracks: _Tracks, vehicle: tuple[int, in
     truth, rows = evidence.rows.truth, evidence.rows.tracks
     last, now = vehicle
     old, new = (int(rows.track[row]) for row in track)
-    there = tracks.row_at(old, int(truth.step[now]))
+    there = int(find_track_rows(evidence.rows, truth.step[now : now + 1], np.array([old]))[0])
     if there < 0:
         return tracks.end_of(old, last)
     on = int(evidence.matching.truth_row[there])

@@ -51,7 +51,8 @@ class Numbers:
             ValueError: One is not allowed; the message is one sentence that names its row.
         """
         few = values if isinstance(values, list) else [values]
-        if not (self.whole or self.rising) and all(type(each) is float and self._allows(each) for each in few):
+        plain = all(type(each) is float and math.isfinite(each) and self.least <= each <= self.most for each in few)
+        if plain and not (self.whole or self.rising):
             return  # by far the most common, in files of networks
         found = np.asarray(values)
         if found.dtype.kind not in "iuf":
@@ -70,9 +71,6 @@ class Numbers:
                 place = divmod(int(wrong.argmax()), rows.shape[1])
                 row = of if isinstance(of, str) else of(place[0])
                 raise ValueError(f"{name}{row and f' of {row}'} {told.format(value=rows[place], before=before[place])}")
-
-    def _allows(self, value: float) -> bool:
-        return math.isfinite(value) and self.least <= value <= self.most
 
 
 PLACE_M, TURNED_RAD = Numbers(-1e7, 1e7), Numbers(-2.5 * math.pi, 2.5 * math.pi)

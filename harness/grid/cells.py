@@ -106,8 +106,10 @@ class PlannedRun:
     @property
     def key(self) -> str:
         """Name of its result file; the same configuration has the same key in every grid."""
-        traffic, tracker = self.config.traffic, self.config.tracker
-        words = [traffic.net, _traffic_word(self.config), f"s{self.config.seed}", tracker.name, tracker.model]
+        traffic, tracker, replay = self.config.traffic, self.config.tracker, self.config.replay
+        demand = f"d{traffic.density:g}" if traffic.density is not None else traffic.demand
+        where = Path(replay).stem if replay is not None else demand
+        words = [traffic.net, where, f"s{self.config.seed}", tracker.name, tracker.model]
         readable = "-".join(word for word in words if word)
         readable = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in readable)[-80:]
         content = json.dumps(
@@ -143,13 +145,6 @@ def distinct_trackers(grid: GridPlan) -> Iterator[RunConfig]:
         if run.config.tracker not in seen:
             seen.append(run.config.tracker)
             yield run.config
-
-
-def _traffic_word(config: RunConfig) -> str:
-    traffic = config.traffic
-    if config.replay is not None:
-        return Path(config.replay).stem
-    return f"d{traffic.density:g}" if traffic.density is not None else traffic.demand or ""
 
 
 def finished_row(run: PlannedRun, metrics: Mapping[str, Any], total_s: float) -> Row:

@@ -156,12 +156,8 @@ def _sensor(config: RunConfig) -> Sensor:
 
 
 def _network_files(network: Network) -> dict[str, Path]:
-    files = {"net_file": network.net_file}
-    if network.vehicle_types_file is not None:
-        files["vehicle_types_file"] = network.vehicle_types_file
-    if network.calibration_file is not None and network.calibration_file.is_file():
-        files["calibration_file"] = network.calibration_file
-    return files
+    files = {name: getattr(network, name) for name in ("net_file", "vehicle_types_file", "calibration_file")}
+    return {name: file for name, file in files.items() if file is not None and file.is_file()}
 
 
 def check_gui(config: RunConfig) -> None:

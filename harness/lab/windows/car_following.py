@@ -95,7 +95,8 @@ def following_windows(recording: Recording, road: Road, steps: int) -> CarFollow
     leader = _leader_rows(recording)[by_vehicle]
     step, vehicle, lane = (column[by_vehicle] for column in (recording.step, recording.vehicle, recording.lane))
     leader_vehicle = np.where(leader == NOBODY, NOBODY, recording.vehicle[leader])
-    settled = _no_change_within(lane, vehicle, margin=round(LANE_CHANGE_MARGIN_S / STEP_S)) & (lane != NO_LANE)
+    changes, around = ~_unchanged(lane) & _unchanged(vehicle), 2 * round(LANE_CHANGE_MARGIN_S / STEP_S) + 1
+    settled = ~maximum_filter1d(changes, around, mode="constant", cval=False) & (lane != NO_LANE)
     same_as_before = (
         _unchanged(vehicle) & _unchanged(leader_vehicle) & _unchanged(lane) & (np.diff(step, prepend=-9) == 1)
     )
@@ -120,11 +121,6 @@ def _leader_rows(recording: Recording) -> IntArray:
 
 def _unchanged(column: IntArray) -> BoolArray:
     return np.concatenate([[False], column[1:] == column[:-1]])
-
-
-def _no_change_within(lane: IntArray, vehicle: IntArray, margin: int) -> BoolArray:
-    changes = ~_unchanged(lane) & _unchanged(vehicle)
-    return np.asarray(~maximum_filter1d(changes, 2 * margin + 1, mode="constant", cval=False))
 
 
 def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) -> IntArray:
