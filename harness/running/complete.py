@@ -1,6 +1,9 @@
-"""Derives what a log's files lack: speeds from positions, visibility from boxes, origins of detections."""
+"""Derives what a log's files lack: the ego, speeds from positions, visibility from boxes, origins of detections."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,11 +17,12 @@ from harness.storage import run_folder as runfolder
 from harness.storage.schema import HIDDEN, NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUT, TABLES, VISIBILITY_STATES
 from harness.storage.tables import rows_of_steps
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
+from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.order import LONGEST_INTERVAL_S
 from harness.truth.recorded.plausible import MOST_WITHIN, SIZE_CHANGE_RATIO
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
-from mmpf.numerics.arrays import FloatArray, turned
+from mmpf.numerics.arrays import FloatArray, turned, wrapped
 
 EGO_SIZE_M = 4.8, 1.8
 STD_DETECTION_M = 0.5
@@ -49,6 +53,58 @@ def check_scene(place: str, rows: pd.DataFrame) -> None:
         check_moves(place, who, time_s, x_m, y_m, heading_rad, bool(is_ego))
     if rows.duplicated([*KEYS, "lon_m", "lat_m"]).mean() > MOST_WITHIN:
         raise InputError(f"{place}: vehicles are in one place, and often; leave one of each, or mend the places")
+
+
+def sample_times(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:
+    """Return the episode and time of each sample of nuScenes, from the poses or else from the samples' order."""
+    if "sample_token" not in rows:
+        return {}
+    if ego is not None and "sample_token" in ego and "time_s" in ego:
+        known = ego[["sample_token", *KEYS]].itertuples(index=False)
+        return {token: (int(episode), float(time_s)) for token, episode, time_s in known}
+    order = rows.drop_duplicates("sample_token")[["sample_token", "order"]].itertuples(index=False)
+    return {token: (0, place * step_s) for token, place in order}
+
+
+def with_times(rows: pd.DataFrame, moments: Mapping[str, tuple[int, float]]) -> pd.DataFrame:
+    """Return rows with the episode and time of their samples, as ``sample_times`` gives them; others as they are."""
+    if "sample_token" not in rows:
+        return rows
+    known = rows[rows["sample_token"].isin(list(moments))]
+    if not len(known) and len(rows):
+        raise InputError("the samples of the files are not the same; give results of the same split")
+    at = np.array([moments[token] for token in known["sample_token"]], dtype=np.float64).reshape(-1, 2)
+    return known.assign(episode=at[:, 0].astype(np.int64), time_s=at[:, 1])
+
+
+def with_ego(rows: pd.DataFrame, ego: pd.DataFrame | None, asked: str | None, truth: Path) -> pd.DataFrame:
+    """Return the rows of which one at each time is the ego; times at which its pose is not known are left out."""
+    if ego is None and asked is not None and not Path(asked).exists():
+        if not (rows["id"].astype(str) == asked).any():
+            raise InputError(f"`ego` {asked}: it is no file, and no vehicle of {truth} is called so")
+        return rows.assign(is_ego=rows["id"].astype(str) == asked)
+    if ego is None:
+        if "is_ego" not in rows or not rows["is_ego"].any():
+            raise InputError(f"`ego`: no row of {truth} is_ego; name a vehicle, or a file of the sensor's poses")
+        flagged = rows.loc[rows["is_ego"].astype(bool), KEYS].drop_duplicates()
+        return rows.merge(flagged, on=KEYS)
+    parts = [rows.assign(is_ego=False)]
+    for episode, times in rows.drop_duplicates(KEYS).groupby("episode")["time_s"]:
+        way = ego[ego["episode"] == episode].sort_values("time_s")
+        at, own = np.sort(times.to_numpy(dtype=np.float64)), way["time_s"].to_numpy(dtype=np.float64)
+        at = at[(at >= own.min(initial=np.inf) - 1e-6) & (at <= own.max(initial=-np.inf) + 1e-6)]
+        if not len(at):
+            raise InputError(f"`ego`: {asked} has no pose at the times of {truth}")
+        columns = [
+            name for name in ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m") if name in way
+        ]
+        values = {name: way[name].to_numpy(dtype=np.float64) for name in columns}
+        values["heading_rad"] = np.unwrap(values["heading_rad"])
+        poses = {name: np.interp(at, own, value) for name, value in values.items()}
+        poses["heading_rad"] = wrapped(poses["heading_rad"])
+        parts.append(pd.DataFrame({"episode": episode, "time_s": at, "id": EGO, "is_ego": True, **poses}))
+    joined = pd.concat(parts, ignore_index=True)
+    return joined.merge(joined.loc[joined["is_ego"].astype(bool), KEYS], on=KEYS)
 
 
 def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -31,6 +31,7 @@ from harness.scoring.metrics.registry import completed
 from harness.scoring.score import RunScorer
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
+from harness.storage.road_file import write_road
 from mmpf.map.road import Road
 
 Keeper = DiagnosticsKeeper | ParticleKeeper | UnseenKeeper
@@ -223,7 +224,7 @@ def write_run(
     (folder / runfolder.MANIFEST).unlink(missing_ok=True)
     ownership.claim(folder, ownership.RUN)
     write_config(config, folder / runfolder.CONFIG)
-    runfolder.write_road(evaluated.road, folder / runfolder.ROAD)
+    write_road(evaluated.road, folder / runfolder.ROAD)
     code, models = provenance_of([config])
     writer = RunWriter(folder, config.seed, command, {**(inputs or {}), **models}, code, is_log)
     writer.append(evaluated.tables)

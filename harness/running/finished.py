@@ -23,6 +23,7 @@ from harness.scoring.metrics.registry import quantities
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import Until, check_truth
+from harness.storage.road_file import read_road
 from harness.storage.schema import TABLES
 from harness.storage.tables import floats
 from mmpf.map.road import Road
@@ -133,7 +134,7 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
 
     # Both or none: a run that was made before drivers were asked has neither.
     asked = has(runfolder.BRAKINGS, runfolder.COMMANDS)
-    road, truth = runfolder.read_road(folder / runfolder.ROAD, parameter), table(runfolder.TRUTH)
+    road, truth = read_road(folder / runfolder.ROAD, parameter), table(runfolder.TRUTH)
     check_truth(truth, road, f"`{parameter}`: {folder / runfolder.TRUTH}")
     return RecordedRun(
         folder=folder, config=config, metrics=runfolder.read_metrics(folder, parameter), manifest=manifest, road=road,

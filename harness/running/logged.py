@@ -24,7 +24,7 @@ from harness.config.layers import config_from_table, merged
 from harness.config.lists import MOST_SEED
 from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
 from harness.config.options import Option
-from harness.running.complete import KEYS, check_scene, detection_table, filled, on_clock, slope_of, truth_table
+from harness.running import complete
 from harness.running.evaluate import evaluation_of, write_run
 from harness.running.nuscenes_boxes import nuscenes_scores
 from harness.running.replay import read_snapshots, snapshots_of
@@ -33,13 +33,13 @@ from harness.running.snapshots import SnapshotStream
 from harness.scoring.metrics.scarce import check_scored
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
+from harness.storage.road_file import read_road
 from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
 from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
-from mmpf.numerics.arrays import wrapped
 from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
@@ -192,7 +192,7 @@ def _of_run(logs: Logs, name: str) -> Scored:
     config = resolve_run_config(options={"replay": str(logs["truth"])}, settings=logs["settings"] or [])
     config = config.model_copy(update={"tracker": TrackerConfig(name=name)})
     truth = runfolder.read_table(logs["truth"], runfolder.TRUTH, TRUTH)
-    clock = truth.drop_duplicates("step")[["step", *KEYS]]
+    clock = truth.drop_duplicates("step")[["step", *complete.KEYS]]
     return Scored(config, read_snapshots(logs["truth"], config), clock.assign(own=clock["time_s"]), {})
 
 
@@ -202,13 +202,13 @@ def _of_files(logs: Logs, name: str) -> Scored:
     rows = _rows(source)
     road_file = logs["truth"].parent / runfolder.ROAD
     has_road = road_file.is_file() and "sample_token" not in rows
-    road = runfolder.read_road(road_file, TRUTH) if has_road else LaneGraphRoad(graph=without_map())
+    road = read_road(road_file, TRUTH) if has_road else LaneGraphRoad(graph=without_map())
     poses = None if source.ego is None or source.ego.suffix == ".txt" or source.ego.is_dir() else source.ego
     ego = None if poses is None else read_poses_table(poses, logs["step"])
-    moments = _samples(rows, ego, logs["step"])
-    rows = _with_times(rows, moments)
-    rows = _with_ego(rows, ego, logs)
-    check_scene(f"`truth`: {logs['truth']}", rows)
+    moments = complete.sample_times(rows, ego, logs["step"])
+    rows = complete.with_times(rows, moments)
+    rows = complete.with_ego(rows, ego, logs["ego"], logs["truth"])
+    complete.check_scene(f"`truth`: {logs['truth']}", rows)
     table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
     settings = merged(None, {}, logs["settings"] or [])
     sensor = table["sensor"] | settings.pop("sensor", {})
@@ -221,12 +221,12 @@ def _of_files(logs: Logs, name: str) -> Scored:
     )
     config = config_from_table(base.as_table() | {"sensor": sensor})
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
-    truth, clock = truth_table(rows, road, figures)
+    truth, clock = complete.truth_table(rows, road, figures)
     found = None
     if logs["detections"] is not None:
-        found = _with_times(_rows(_log(logs, DETECTIONS, logs["detections"])), moments)
+        found = complete.with_times(_rows(_log(logs, DETECTIONS, logs["detections"])), moments)
     try:
-        snapshots = snapshots_of(truth, detection_table(found, truth, clock), road, figures)
+        snapshots = snapshots_of(truth, complete.detection_table(found, truth, clock), road, figures)
     except ValueError as error:
         raise InputError(f"`truth`: {logs['truth']}: {error}; mend the file") from None
     files = {str(path): path for path in (logs["truth"], logs["detections"]) if path is not None and path.is_file()}
@@ -234,64 +234,11 @@ def _of_files(logs: Logs, name: str) -> Scored:
     return Scored(config, snapshots, clock, moments)
 
 
-def _samples(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) -> dict[str, tuple[int, float]]:
-    """Return the episode and time of each sample of nuScenes, from the poses or else from the samples' order."""
-    if "sample_token" not in rows:
-        return {}
-    if ego is not None and "sample_token" in ego and "time_s" in ego:
-        known = ego[["sample_token", *KEYS]].itertuples(index=False)
-        return {token: (int(episode), float(time_s)) for token, episode, time_s in known}
-    order = rows.drop_duplicates("sample_token")[["sample_token", "order"]].itertuples(index=False)
-    return {token: (0, place * step_s) for token, place in order}
-
-
-def _with_times(rows: pd.DataFrame, moments: Mapping[str, tuple[int, float]]) -> pd.DataFrame:
-    if "sample_token" not in rows:
-        return rows
-    known = rows[rows["sample_token"].isin(list(moments))]
-    if not len(known) and len(rows):
-        raise InputError("the samples of the files are not the same; give results of the same split")
-    at = np.array([moments[token] for token in known["sample_token"]], dtype=np.float64).reshape(-1, 2)
-    return known.assign(episode=at[:, 0].astype(np.int64), time_s=at[:, 1])
-
-
-def _with_ego(rows: pd.DataFrame, ego: pd.DataFrame | None, logs: Logs) -> pd.DataFrame:
-    """Return the rows of which one at each time is the ego; times at which its pose is not known are left out."""
-    if ego is None and logs["ego"] is not None and not Path(logs["ego"]).exists():
-        if not (rows["id"].astype(str) == logs["ego"]).any():
-            raise InputError(f"`ego` {logs['ego']}: it is no file, and no vehicle of {logs['truth']} is called so")
-        return rows.assign(is_ego=rows["id"].astype(str) == logs["ego"])
-    if ego is None:
-        if "is_ego" not in rows or not rows["is_ego"].any():
-            raise InputError(
-                f"`ego`: no row of {logs['truth']} is_ego; name a vehicle, or a file of the sensor's poses"
-            )
-        flagged = rows.loc[rows["is_ego"].astype(bool), KEYS].drop_duplicates()
-        return rows.merge(flagged, on=KEYS)
-    parts = [rows.assign(is_ego=False)]
-    for episode, times in rows.drop_duplicates(KEYS).groupby("episode")["time_s"]:
-        way = ego[ego["episode"] == episode].sort_values("time_s")
-        at, own = np.sort(times.to_numpy(dtype=np.float64)), way["time_s"].to_numpy(dtype=np.float64)
-        at = at[(at >= own.min(initial=np.inf) - 1e-6) & (at <= own.max(initial=-np.inf) + 1e-6)]
-        if not len(at):
-            raise InputError(f"`ego`: {logs['ego']} has no pose at the times of {logs['truth']}")
-        columns = [
-            name for name in ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m") if name in way
-        ]
-        values = {name: way[name].to_numpy(dtype=np.float64) for name in columns}
-        values["heading_rad"] = np.unwrap(values["heading_rad"])
-        poses = {name: np.interp(at, own, value) for name, value in values.items()}
-        poses["heading_rad"] = wrapped(poses["heading_rad"])
-        parts.append(pd.DataFrame({"episode": episode, "time_s": at, "id": EGO, "is_ego": True, **poses}))
-    joined = pd.concat(parts, ignore_index=True)
-    return joined.merge(joined.loc[joined["is_ego"].astype(bool), KEYS], on=KEYS)
-
-
 def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks], str, int]:
     """Return the tracks of each time, how many there are in words, and the number of rows that were left out."""
     clock = against.clock
-    rows = _with_times(rows, against.moments)
-    placed = on_clock(rows, clock)
+    rows = complete.with_times(rows, against.moments)
+    placed = complete.on_clock(rows, clock)
     placed = placed.loc[placed.sort_values("off", kind="stable").drop_duplicates(["step", "id"]).index.sort_values()]
     if len(rows) and not len(placed):
         raise InputError("`tracks`: no time of the log is one of the truth; are both on one clock, in seconds?")
@@ -301,15 +248,15 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
         placed["id"] = pd.factorize(placed["id"].astype(str), sort=True)[0]
     count = len(placed)
     if "speed_mps" not in placed:
-        lon_speed, lat_speed = (slope_of(placed, name) for name in ("lon_m", "lat_m"))
+        lon_speed, lat_speed = (complete.slope_of(placed, name) for name in ("lon_m", "lat_m"))
         if against.snapshots.road.has_headings:
             lon_speed, lat_speed = np.hypot(lon_speed, lat_speed), np.zeros(count)
         placed["speed_mps"], placed["lat_speed_mps"] = lon_speed, lat_speed
     if "accel_mps2" not in placed:
-        placed["accel_mps2"] = slope_of(placed, "speed_mps")
+        placed["accel_mps2"] = complete.slope_of(placed, "speed_mps")
     usual = {"lat_speed_mps": 0.0, "existence": 1.0, **dict.fromkeys(STDS, 1.0)}
     for name, value in usual.items():
-        placed[name] = filled(placed, name, np.full(count, value))
+        placed[name] = complete.filled(placed, name, np.full(count, value))
     known = placed["state"].astype(str) if "state" in placed else pd.Series(["confirmed"] * count)
     placed["state"] = (
         known.map({word: code for code, word in enumerate(TRACK_STATES)}).fillna(CONFIRMED).astype(np.int8)

@@ -28,6 +28,7 @@ from harness.sensor.shadows import free_space
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import check_truth, sound_tables
 from harness.storage.manifest import tell_edited
+from harness.storage.road_file import read_road
 from harness.storage.schema import TABLES
 from harness.truth.frame import Frame
 from harness.truth.recorded.detected.recorded_drive import EGO
@@ -56,7 +57,7 @@ def _snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
     truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER)
     detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
-    road = runfolder.read_road(folder / runfolder.ROAD, PARAMETER)
+    road = read_road(folder / runfolder.ROAD, PARAMETER)
     check_truth(truth, road, f"`{PARAMETER}`: {folder / runfolder.TRUTH}")
     snapshots = snapshots_of(truth, detections, road, settings)
     tell_edited(folder, PARAMETER)

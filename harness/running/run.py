@@ -32,6 +32,7 @@ from harness.running.write import RunWriter
 from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
 from harness.storage.manifest import CODE, INPUTS, check_unedited
+from harness.storage.road_file import write_road
 from harness.storage.tables import sampled_rows
 from mmpf.map.road import Road
 from mmpf.scan import SensorModel
@@ -201,7 +202,7 @@ class _Attempt:
                 sys.stderr.write(line + "\n")
 
         say(snapshots.report)
-        runfolder.write_road(snapshots.road, folder / runfolder.ROAD)
+        write_road(snapshots.road, folder / runfolder.ROAD)
         moment, diagnostics = MomentKeeper(), DiagnosticsKeeper()
         keepers: dict[str, Keeper] = {runfolder.DIAGNOSTICS: diagnostics, runfolder.PARTICLES: ParticleKeeper()}
         evaluation = self._evaluation = evaluation_of(config, snapshots, keepers, writer)

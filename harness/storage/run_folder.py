@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import re
 import shutil
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from harness.common.bounds import PLACE_M, Numbers, check_columns
+from harness.common.bounds import check_columns
 from harness.common.errors import InputError, RunError
-from harness.common.files import write_text, writing
-from harness.common.isolation import ProcessLimits, isolated
-from harness.common.untrusted_files import check_file, read_json, read_toml, reading
+from harness.common.files import writing
+from harness.common.untrusted_files import read_json, read_toml, reading
 from harness.storage import ownership
 from harness.storage.checks import AGAIN, Until, check_kinds, read_parquet
-from harness.storage.lane_graph_table import graph_of, graph_table, walls_of
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.manifest import manifest_of
 from harness.storage.schema import TABLES, Table
-from mmpf.map.corridor_road import CorridorRoad
-from mmpf.map.graph_road import LaneGraphRoad
-from mmpf.map.limits import lanes_problem
-from mmpf.map.road import Lane, Road
 
 CONFIG, MANIFEST, METRICS, ROAD = "config.toml", "manifest.json", "metrics.json", "road.json"
 TRUTH, DETECTIONS, TRACKS = "truth.parquet", "detections.parquet", "tracks.parquet"
@@ -215,62 +207,6 @@ def read_table(
     if known.in_order and "step" in checked and (np.diff(table["step"].to_numpy(dtype=np.float64)) < 0.0).any():
         raise InputError(f"`{parameter}`: {path}: its rows are not in the order of time; make the run again")
     return table
-
-
-def write_road(road: Road, path: Path) -> None:
-    """Write a road so that a replay needs no network."""
-    columns = ("lanes", "reference_xy", "reference_start_m", "section_m")
-    fields: dict[str, Any] = {name: getattr(road, name) for name in columns}
-    fields["lanes"] = [asdict(lane) for lane in road.lanes]
-    if not isinstance(road, LaneGraphRoad):
-        write_text(path, json.dumps(fields, indent=1) + "\n")
-        return
-    fields["graph"] = graph_table(road.graph)
-    if road.walls_xy is not None:
-        fields["walls_xy"] = road.walls_xy.tolist()
-    write_text(path, json.dumps(fields, separators=(",", ":")) + "\n")
-
-
-def read_road(path: Path, parameter: str) -> Road:
-    """Return the road that a file holds.
-
-    Raises:
-        InputError: The file is missing or broken.
-    """
-    check_file(path, parameter)
-    return isolated(partial(_road, path, parameter), f"`{parameter}`: {path}", ProcessLimits.for_files([path]))
-
-
-def _road(path: Path, parameter: str) -> Road:
-    with reading(f"`{parameter}`: {path}", "road of a run"):
-        fields = json.loads(path.read_bytes())
-        road = CorridorRoad(
-            lanes=tuple(Lane(**lane) for lane in fields["lanes"]),
-            reference_xy=tuple((float(x), float(y)) for x, y in fields["reference_xy"]),
-            reference_start_m=float(fields["reference_start_m"]),
-            section_m=(float(fields["section_m"][0]), float(fields["section_m"][1])),
-        )
-        walls_xy = walls_of(fields["walls_xy"]) if "walls_xy" in fields else None
-        _check_frame(road)
-        if "graph" not in fields:
-            if problem := lanes_problem(road.lanes):
-                raise ValueError(problem)
-            if walls_xy is not None:
-                raise ValueError("it has walls but no graph of lanes")
-            return road
-        if replace(road, section_m=CorridorRoad.section_m) != CorridorRoad(lanes=()):
-            raise ValueError("beside a graph of lanes its frame must be the plane")
-        return LaneGraphRoad(graph_of(fields["graph"]), road.section_m, walls_xy)
-
-
-def _check_frame(road: CorridorRoad) -> None:
-    """Refuse, with a ValueError, a road without drivable lanes."""
-    points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
-    Numbers(2, 100_000).check("the count of points of its reference line", len(points))
-    PLACE_M.check("its reference line", points)
-    Numbers(1e-9).check("the way between two points of its reference line", np.hypot(*np.diff(points, axis=0).T))
-    PLACE_M.check("its begin", road.reference_start_m)
-    Numbers(PLACE_M.least, PLACE_M.most, rising=True).check("its section", road.section_m)
 
 
 def _first_free(path: Path) -> Path:

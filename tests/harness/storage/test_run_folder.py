@@ -13,6 +13,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.storage import run_folder as runfolder
 from harness.storage.ownership import LEDGER
+from harness.storage.road_file import read_road
 from harness.storage.tables import write_table
 
 
@@ -141,7 +142,7 @@ def test_a_pipe_in_a_files_place_keeps_nobody_waiting(tmp_path, name):
     with pytest.raises(InputError, match="`replay`"):
         runfolder.read_config_table(tmp_path, "replay")
     with pytest.raises(InputError, match="`replay`"):
-        runfolder.read_road(tmp_path / runfolder.ROAD, "replay")
+        read_road(tmp_path / runfolder.ROAD, "replay")
     with pytest.raises(InputError, match="`replay`"):
         runfolder.read_table(tmp_path, "t.parquet", "replay", ())
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.storage.run_folder import read_road, write_road
+from harness.storage.road_file import read_road, write_road
 from harness.truth.network.lanegraph import read_lane_graph
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
