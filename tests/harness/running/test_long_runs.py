@@ -28,7 +28,7 @@ from tests.harness.stand_ins import SteadyTraffic, observing
 ECHO = "tests.harness.stand_ins:echo_tracker"
 TABLES = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS, runfolder.ERRORS, runfolder.EVENTS)
 DECIDED = (runfolder.BRAKINGS, runfolder.COMMANDS)
-STEPS, EGO_STAY = 40, 10
+STEPS, EGO_STAY = 18, 6
 
 
 def run_on(out: Path, *, fail_at: int | None = None, draw: Drawing | None = None) -> Path:
@@ -62,12 +62,12 @@ def test_every_stretch_is_a_row_group_and_rows_and_scores_are_those_of_one_stret
 
 
 def test_a_run_that_fails_keeps_the_steps_of_all_stretches_and_no_scores(tmp_path, short_stretches):
-    with pytest.raises(RunError, match="after 25 steps"):
-        run_on(tmp_path / "run", fail_at=25)
+    with pytest.raises(RunError, match="after 15 steps"):
+        run_on(tmp_path / "run", fail_at=15)
     folder = tmp_path / "run.incomplete"
     assert json.loads((folder / runfolder.MANIFEST).read_text())["status"] == runfolder.FAILED
     for name in TABLES[:3]:
-        assert sorted(pd.read_parquet(folder / name)["step"].unique()) == list(range(25)), name
+        assert sorted(pd.read_parquet(folder / name)["step"].unique()) == list(range(15)), name
     assert not [name for name in (runfolder.ERRORS, runfolder.EVENTS, runfolder.METRICS) if (folder / name).exists()]
 
 
@@ -110,8 +110,8 @@ def test_a_table_of_one_stretch_has_the_bytes_of_a_table_that_is_written_at_once
     assert (tmp_path / "grown.parquet").read_bytes() == (tmp_path / "at_once.parquet").read_bytes()
 
 
-WRITES = 46
-"""How many files a run of four stretches writes, its ledger first and last."""
+WRITES = 38
+"""How many files a run of three stretches writes, its ledger first and last."""
 
 
 def kept_steps(folder: Path, table: str) -> list[int]:
@@ -169,11 +169,11 @@ def test_the_recorder_never_ends_a_stretch_within_an_episode():
 
 
 def test_the_page_of_a_long_run_shows_its_beginning_and_says_so(tmp_path, short_stretches, monkeypatch):
-    monkeypatch.setattr("harness.report.page.MOST_SHOWN", 500)
+    monkeypatch.setattr("harness.report.page.MOST_SHOWN", 300)
     draw = Drawing(lambda folder, pictured: folder.mkdir(), write_run_page)
     folder = run_on(tmp_path / "run", draw=draw)
-    assert "replay and failures of its first 2 s" in (folder / "report.html").read_text()
-    beginning = read_recorded_run(folder, most_rows=500)
+    assert "replay and failures of its first 1 s" in (folder / "report.html").read_text()
+    beginning = read_recorded_run(folder, most_rows=300)
     assert not beginning.whole
     for table in (beginning.truth, beginning.detections, beginning.tracks, beginning.errors):
         assert table["step"].max() == 2 * EGO_STAY - 1

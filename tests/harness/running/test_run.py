@@ -231,6 +231,8 @@ def test_a_disk_that_fills_during_a_run_loses_no_finished_step(call, steady_traf
     for name in TABLES[:3]:
         assert pd.read_parquet(tmp_path / "run.incomplete" / name)["step"].nunique() == steps
     assert run_command_line(["score", "--truth", left, "--tracks", left, "--out", scored, "--quiet"]) == 0
+    if call != 35:  # what the commands say does not depend on the step
+        return
     for command in (["report"], ["export", "--to", "csv"], ["compare", scored]):
         assert run_command_line([command[0], scored, *command[1:]]) in (0, 4)
         assert run_command_line([command[0], left, *command[1:]]) == 2

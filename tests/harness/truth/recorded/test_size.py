@@ -30,16 +30,17 @@ print(json.dumps({
 """
 
 
-def morning(rng: np.random.Generator) -> dict[str, np.ndarray]:
+def morning(rows: int, duplicates: int, vehicles: int) -> pa.Table:
     """Return the public CSV's columns: vehicles that pass the section, a speed for each lane, then copies of some rows.
 
     Those of a lane enter two seconds apart, so that no two are ever in one place.
     """
-    frames = np.full(VEHICLES, (ROWS - DUPLICATES) // VEHICLES)
-    frames[: (ROWS - DUPLICATES) % VEHICLES] += 1
-    vehicle = np.repeat(np.arange(VEHICLES), frames)
+    rng = np.random.default_rng(6)
+    frames = np.full(vehicles, (rows - duplicates) // vehicles)
+    frames[: (rows - duplicates) % vehicles] += 1
+    vehicle = np.repeat(np.arange(vehicles), frames)
     age = np.arange(len(vehicle)) - np.repeat(np.cumsum(frames) - frames, frames)
-    frame = age + (26_000 * vehicle) // VEHICLES
+    frame = age + (26_000 * vehicle) // vehicles
     lane = vehicle % 5
     speed_ftps = rng.uniform(28.0, 34.0, 5)[lane]
     columns = {name: np.zeros(len(vehicle)) for name in NGSIM_HEADER.split(",")[:TEXT_COLUMN_COUNT]}
@@ -54,19 +55,16 @@ def morning(rng: np.random.Generator) -> dict[str, np.ndarray]:
         "v_Width": np.full(len(vehicle), 6.2),
         "v_Vel": np.round(speed_ftps, 2),
     }
-    copies = rng.choice(len(vehicle), DUPLICATES, replace=False)
-    return {name: np.concatenate([values, values[copies]]) for name, values in columns.items()}
-
-
-@pytest.fixture(scope="module")
-def table():
-    return pa.table(morning(np.random.default_rng(6)))
+    copies = rng.choice(len(vehicle), duplicates, replace=False)
+    return pa.table({name: np.concatenate([values, values[copies]]) for name, values in columns.items()})
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("layout", ["ngsim", "ngsim-text"])
-def test_forty_five_minutes_of_ngsim_are_read_within_a_minute_and_four_gigabytes(layout, table, tmp_path):
-    path = tmp_path / "morning"
+@pytest.mark.parametrize(("layout", "part"), [("ngsim", 1), ("ngsim-text", 2)])
+def test_forty_five_minutes_of_ngsim_are_read_within_a_minute_and_four_gigabytes(layout, part, tmp_path):
+    """Of the older layout a half is read."""
+    path, numbers = tmp_path / "morning", [number // part for number in (ROWS, DUPLICATES, VEHICLES)]
+    table = morning(*numbers)
     if layout == "ngsim":
         pa.csv.write_csv(table.append_column("Location", pa.array(["us-101"] * ROWS)), path)
     else:
@@ -75,9 +73,7 @@ def test_forty_five_minutes_of_ngsim_are_read_within_a_minute_and_four_gigabytes
         [sys.executable, "-c", READ, str(path), layout], capture_output=True, check=True, cwd=Path(__file__).parents[4]
     )
     found = json.loads(told.stdout)
-    assert found["rows"] == ROWS - DUPLICATES
-    assert found["duplicates"] == DUPLICATES
-    assert found["vehicles"] == VEHICLES
+    assert [found["rows"] + found["duplicates"], found["duplicates"], found["vehicles"]] == numbers
     assert found["first"] >= 1
-    assert found["s"] < LIMIT_S, found
-    assert found["gb"] < LIMIT_GB, found
+    assert found["s"] < LIMIT_S / part, found
+    assert found["gb"] < LIMIT_GB / part**0.5, found
