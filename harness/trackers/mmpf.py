@@ -14,6 +14,7 @@ from harness.trackers.protocol import TrackerSetting
 from mmpf.motion.gmm.model_file import ModelFileError
 from mmpf.motion.learned.driver import empirical_driver, load_learned_driver, recurrent_driver, residual_driver
 from mmpf.motion.learned.short_driver import load_short_driver
+from mmpf.motion.learned.trial import check_that_it_drives
 from mmpf.motion.protocol import MotionModel, MotionModelFactory, motion_models
 from mmpf.motion.state import SPEED, STATE_SIZE
 from mmpf.options.filter import FilterOptions
@@ -69,6 +70,7 @@ def _motion_model(name: str, file: Path | None) -> MotionModel:
     model_read = isolated(read, f"model file {file}", ProcessLimits.for_files([file]))
     if isinstance(model_read, ModelFileError):
         raise model_read
+    check_that_it_drives(model_read, file)
     return model_read
 
 

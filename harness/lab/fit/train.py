@@ -50,6 +50,7 @@ from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, save_
 from mmpf.motion.learned.follower import Follower
 from mmpf.motion.learned.lane_changer import CHANGE
 from mmpf.motion.learned.short_driver import SHORT, short_term_driver
+from mmpf.motion.learned.trial import check_that_it_drives
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
 RESIDUAL, RECURRENT, EMPIRICAL = residual.CASE, recurrent.CASE, empirical.CASE
@@ -137,7 +138,7 @@ def _train_keeping(
     with _of_enough_traffic(plan):
         driver, follower = fit_driver(windows, changes_per_s, plan.size, plan.seed, say)
         save_driver(own, driver, follower)
-        load_learned_driver(own)
+        check_that_it_drives(load_learned_driver(own), own)
         say("fitting the paper's short-term model")
         mixture = fit_short(windows, plan.size, plan.seed)
         SHORT.save(short, mixture)

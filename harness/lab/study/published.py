@@ -20,6 +20,7 @@ from harness.trackers.mmpf import MODEL_LOADERS
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.model_file import ModelFileError
 from mmpf.motion.learned.driver import LearnedDriver
+from mmpf.motion.learned.trial import check_that_it_drives
 from mmpf.motion.protocol import MotionModel, motion_models
 
 LANE_KEEPING, LANE_CHANGE = "lane-keeping", "lane-change"
@@ -125,6 +126,7 @@ def model_of(plan: StudyPlan, name: str, keeps_lane: bool) -> MotionModel:
     else:
         try:
             model = MODEL_LOADERS[name](plan.model_file)
+            check_that_it_drives(model, plan.model_file)
         except ModelFileError as error:
             raise InputError(f"`model_file` {plan.model_file}: {error}") from error
     return replace(model, changes_lanes=False) if keeps_lane and isinstance(model, LearnedDriver) else model

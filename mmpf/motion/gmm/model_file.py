@@ -25,7 +25,7 @@ MIXTURE_PARTS = ("weights", "means", "covariances", *Scaling._fields)
 
 # No fitted model comes near to these.
 MOST_ARRAYS, MOST_BYTES = 200, 64 * 1024 * 1024
-LEAST, LARGEST = 1e-30, 1e6
+LEAST, LARGEST, LEAST_SPREAD_OF_RANGE = 1e-30, 1e6, 0.02
 DAMAGE = (
     *(ValueError, EOFError, KeyError, AttributeError, TypeError, SyntaxError, OverflowError, NotImplementedError),
     *(RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error),
@@ -134,15 +134,29 @@ def mixture_from_arrays(path: Path, arrays: Mapping[str, FloatArray], prefix: st
         raise ModelFileError(
             f"model file {path}: {prefix}.means has shape {part['means'].shape}, not (components, {inputs + outputs})"
         )
-    if (part["input_scale"] <= 0).any() or (part["output_scale"] <= 0).any():
-        raise ModelFileError(f"model file {path}: a scale of {prefix} is not positive")
-    if (part["input_low"] > part["input_high"]).any():
-        raise ModelFileError(f"model file {path}: {prefix}.input_low is above {prefix}.input_high")
+    if (part["output_scale"] <= 0).any():
+        raise ModelFileError(f"model file {path}: {prefix}.output_scale is not positive")
+    check_inputs(path, f"{prefix}.input_", part)
     try:
         joint = ConditionalGmm(part["weights"], part["means"], part["covariances"], inputs)
     except ValueError as error:
         raise ModelFileError(f"model file {path}: {prefix}: {_one_line(error)}") from error
+    # A fit leaves both as they were in its standardised data.
+    mean = joint.weights @ joint.means
+    variance = joint.weights @ (joint.means**2 + np.diagonal(joint.covariances, axis1=1, axis2=2)) - mean**2
+    if (np.abs(mean) > 0.1).any() or (np.abs(np.log(variance)) > 0.2).any():
+        raise ModelFileError(f"model file {path}: {prefix} must have mean 0 and variance 1 in each variable")
     return ScaledGmm(joint, Scaling(*(part[name] for name in Scaling._fields)))
+
+
+def check_inputs(path: Path, name: str, arrays: Mapping[str, FloatArray]) -> None:
+    """Refuse a range, means and deviations of inputs, shape (p,) each, that are not of one set of training data."""
+    kind = name.rpartition(".")[2]
+    low, high, mean, scale = (arrays[f"{kind}{part}"] for part in ("low", "high", "mean", "scale"))
+    fits = (scale > 0.0) & (scale >= LEAST_SPREAD_OF_RANGE * (high - low)) & (scale <= high - low)
+    if not ((low <= mean) & (mean <= high) & fits).all():
+        of_it = f"that is above {name}high, or {name}scale does not fit their distance"
+        raise ModelFileError(f"model file {path}: {name}low is above {name}mean, {of_it}")
 
 
 @dataclass(frozen=True)

@@ -248,33 +248,22 @@ class LearnedDriver:
 
 
 def residual_driver(path: Path | None = None) -> LearnedDriver:
-    """Return IDM car following plus a learned network, bundled or from a file; see ``residual``.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Return IDM car following plus a learned network, bundled or from a file; see ``residual``."""
     return _from_file(residual.load_residual, residual.CASE, path)
 
 
 def recurrent_driver(path: Path | None = None) -> LearnedDriver:
-    """Return IDM car following plus a network with a memory, bundled or from a file; see ``recurrent``.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Return IDM car following plus a network with a memory, bundled or from a file; see ``recurrent``."""
     return _from_file(recurrent.load_recurrent, recurrent.CASE, path)
 
 
 def empirical_driver(path: Path | None = None) -> LearnedDriver:
-    """Return a driver that samples recorded accelerations, bundled or from a file; see ``empirical``.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Return a driver that samples recorded accelerations, bundled or from a file; see ``empirical``."""
     return _from_file(empirical.load_empirical, empirical.CASE, path)
 
 
 def _from_file(load: Callable[[Path], Follower], case: str, path: Path | None) -> LearnedDriver:
+    """Return a driver, from its bundled file if there is no path; raise ``ModelFileError`` if it can't be used."""
     if path is not None:
         return with_follower(load(path), case)
     with committed_file(case) as committed:
@@ -287,11 +276,7 @@ def with_follower(follower: Follower, name: str) -> LearnedDriver:
 
 
 def load_learned_driver(path: Path) -> LearnedDriver:
-    """Read a fitted model of the user's own.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Read a fitted model of the user's own; ``ModelFileError`` says that the file can't be used."""
     return LearnedDriver(load_driver_model(path))
 
 

@@ -77,16 +77,13 @@ def save_empirical(path: Path, follower: EmpiricalFollower) -> None:
 
 
 def load_empirical(path: Path) -> EmpiricalFollower:
-    """Read a table back.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Read a table back; ``ModelFileError`` says that the file can't be used."""
     arrays = load_arrays(path, CASE)
     names = [f"edges.{name}" for name in BINNED]
     if any(name not in arrays or arrays[name].ndim != 1 or (np.diff(arrays[name]) <= 0.0).any() for name in names):
         raise ModelFileError(f"model file {path}: {', '.join(names)} must each be ascending numbers")
     edges, changes = tuple(arrays[name] for name in names), arrays.get("changes", np.zeros(0))
-    if changes.shape[:-1] != tuple(len(along) + 1 for along in edges) or changes.shape[-1] < 2:
-        raise ModelFileError(f"model file {path}: changes must have one cell more than edges along each axis")
+    cells = tuple(len(along) + 1 for along in edges)
+    if changes.shape[:-1] != cells or changes.shape[-1] < 2 or (np.diff(changes) < 0.0).any():
+        raise ModelFileError(f"model file {path}: changes must ascend in each of one cell more than edges on each axis")
     return EmpiricalFollower(edges, changes)

@@ -185,11 +185,7 @@ def save_recurrent(path: Path, network: RecurrentWeights) -> None:
 
 
 def load_recurrent(path: Path) -> RecurrentFollower:
-    """Read a fitted network.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Read a fitted network; ``ModelFileError`` says that the file can't be used."""
     return RecurrentFollower(RecurrentWeights(**read_network(path, CASE, "c", _shapes)))
 
 

@@ -202,11 +202,7 @@ def save_residual(path: Path, network: NetworkWeights) -> None:
 
 
 def load_residual(path: Path) -> ResidualFollower:
-    """Read a fitted network.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Read a fitted network; ``ModelFileError`` says that the file can't be used."""
     return ResidualFollower(NetworkWeights(**read_network(path, CASE, "b1", _shapes)))
 
 

@@ -32,11 +32,7 @@ def short_term_driver(mixture: ScaledGmm | None = None) -> Memoryless:
 
 
 def load_short_driver(path: Path) -> Memoryless:
-    """Read a fitted model.
-
-    Raises:
-        ModelFileError: The file can't be used.
-    """
+    """Read a fitted model; ``ModelFileError`` says that the file can't be used."""
     return short_term_driver(SHORT.load(path))
 
 
