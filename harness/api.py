@@ -261,16 +261,16 @@ def compare(
         InputError: A folder is not there, or the two have nothing in common that could be compared.
     """
     from harness.analysis import compare as comparing  # noqa: PLC0415
-    from harness.analysis import sources, verdicts  # noqa: PLC0415
+    from harness.analysis import rules, sources  # noqa: PLC0415
 
     sides = [side.folder if isinstance(side, Run | Grid) else side for side in (a, b)]
     named: dict[str, object] = {name: 0 if side is None else side for name, side in zip("ab", sides, strict=True)}
     named |= {"primary": primary, "allow_different": allow_different}
     values = checked(_CompareOptions, named, "compare")
     first, second = str(values["a"]), str(values["b"])
-    rules = verdicts.Rules(tolerance, time_tolerance, verdicts.PRIMARY if primary is None else tuple(primary))
+    judged = rules.Rules(tolerance, time_tolerance, rules.PRIMARY if primary is None else tuple(primary))
     compared = comparing.compare(
-        sources.open_source(first, "a"), sources.open_source(second, "b"), rules, allow_different
+        sources.open_source(first, "a"), sources.open_source(second, "b"), judged, allow_different
     )
     table = pd.DataFrame(compared.as_table()["verdicts"])
     ends = pd.DataFrame([each or (None, None) for each in table.pop("ci95")], columns=["low", "high"], dtype="float64")

@@ -13,21 +13,9 @@ from harness.analysis import single
 from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
 from harness.analysis.coasting_ratio import RATIO_TOTALS, with_ratios
 from harness.analysis.experiments import differing, differing_code, on_other_traffic
+from harness.analysis.rules import PRIMARY, STEP_TIME, Rules, compared_quantities, name_of
 from harness.analysis.sources import SETTING, Source
-from harness.analysis.verdicts import (
-    NO_WORSE,
-    PRIMARY,
-    STEP_TIME,
-    TOO_FEW,
-    UNDECIDED,
-    UNTESTED,
-    WORSE,
-    Rules,
-    Verdict,
-    compared_quantities,
-    judge,
-    name_of,
-)
+from harness.analysis.verdicts import NO_WORSE, TOO_FEW, UNDECIDED, UNTESTED, WORSE, Verdict, judge
 from harness.analysis.why import Why
 from harness.common.errors import InputError
 from harness.common.numbers import without_nan

@@ -10,8 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.analysis.compare import Judgement, compare
+from harness.analysis.rules import name_of, quantity_of
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict, name_of, quantity_of
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, link_to, moment_of
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table

@@ -1,4 +1,4 @@
-"""A gate for CI: the file of what is judged and how strictly, and the outcome as JUnit XML and as a short summary."""
+"""The outcome of a comparison for CI: as JUnit XML and as a short summary."""
 
 from __future__ import annotations
 
@@ -7,61 +7,11 @@ from pathlib import Path
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
 from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import HEADINGS, cells, conclusion
-from harness.analysis.verdicts import PRIMARY, TIME_TOLERANCE, TOLERANCE, UNDECIDED, WORSE, Limit, Rules, Verdict
+from harness.analysis.verdicts import UNDECIDED, WORSE, Verdict
 from harness.analysis.why import moment_of
-from harness.common.error_text import first_problem
-from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
-from harness.common.untrusted_files import read_toml
-
-PARAMETER = "gate"
-
-
-class Gate(BaseModel):
-    """The requirements of a gate; without metrics the default ones are judged."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-    tolerance: float = Field(default=TOLERANCE, ge=0.0, le=1.0)
-    time_tolerance: float = Field(default=TIME_TOLERANCE, ge=0.0, le=100.0)
-    allow_undecided: bool = False
-    metrics: dict[str, Limit] = Field(default_factory=dict)
-
-    def rules(self, tolerance: float | None, time_tolerance: float | None, primary: tuple[str, ...] | None) -> Rules:
-        """Return the rules of a comparison.
-
-        Args:
-            tolerance: Goes before that of the file; None for that.
-            time_tolerance: Likewise.
-            primary: Likewise, of the metrics that are judged.
-        """
-        return Rules(
-            self.tolerance if tolerance is None else tolerance,
-            self.time_tolerance if time_tolerance is None else time_tolerance,
-            primary if primary is not None else tuple(self.metrics) or PRIMARY,
-            self.metrics,
-        )
-
-
-def read_gate(path: Path | None) -> Gate:
-    """Return the requirements in a file, or the defaults without a file.
-
-    Raises:
-        InputError: It can't be read, or asks for something that there is not.
-    """
-    if path is None:
-        return Gate()
-    try:
-        return Gate.model_validate(read_toml(path, PARAMETER))
-    except ValidationError as error:
-        key, message, given, unknown = first_problem(error)
-        problem = f"unknown key {key!r}" if unknown else f"{key}: {message}, not {given!r}"
-        raise InputError(f"`{PARAMETER}`: {path}: {problem}; see docs/tutorials/gate.md") from None
-
 
 SUITE = "harness.compare"
 WHOLE = "runs and metrics of both sides"

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from harness.analysis.arms import TOLERATED_LOSS, lost_values
+from harness.analysis.rules import Rules, compared_quantities
 from harness.analysis.sources import Source
 from harness.analysis.vehicles import (
     ByVehicle,
@@ -20,7 +21,7 @@ from harness.analysis.vehicles import (
     same_identity_by_vehicle,
     worst_tenth_by_vehicle,
 )
-from harness.analysis.verdicts import MetricDifference, Rules, compared_quantities
+from harness.analysis.verdicts import MetricDifference
 from harness.analysis.why import Why, failures
 from harness.common.effects import NOTHING, Effect, neighbours_effect
 from harness.common.errors import InputError

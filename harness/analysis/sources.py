@@ -12,7 +12,7 @@ import pandas as pd
 
 from harness.analysis.curves import labelled
 from harness.analysis.experiments import settings_of, settings_of_grid
-from harness.analysis.verdicts import compared_quantities
+from harness.analysis.rules import compared_quantities
 from harness.common.errors import InputError
 from harness.common.untrusted_files import read_json, reading
 from harness.scoring.metrics.closedloop import COLLIDED

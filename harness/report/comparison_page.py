@@ -12,8 +12,9 @@ import pandas as pd
 
 from harness.analysis.compare import Judgement, compare
 from harness.analysis.comparison_text import as_markdown
+from harness.analysis.rules import Rules, name_of, quantity_of
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, Verdict, name_of, quantity_of
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict
 from harness.analysis.why import SWITCH, TrackFailure, Why
 from harness.common.charts import HIT_AREA, Chart, Charts, Spec, colour_by, spec_of, strength, tooltip_of
 from harness.common.files import write_text

@@ -15,7 +15,7 @@ from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curve_charts import grid_charts
 from harness.analysis.curves import ratio_of, summed_by, sums_and_weights
 from harness.analysis.leading import leading_sentence
-from harness.analysis.verdicts import compared_quantities
+from harness.analysis.rules import compared_quantities
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.untrusted_files import read_json

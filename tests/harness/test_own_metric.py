@@ -12,8 +12,9 @@ import pytest
 from harness.analysis.compare import compare
 from harness.analysis.comparison_text import as_markdown
 from harness.analysis.pooled import pooled_quantities
+from harness.analysis.rules import Rules
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import BETTER, WORSE, Rules
+from harness.analysis.verdicts import BETTER, WORSE
 from harness.grid.grid import GridRequest
 from harness.grid.stress import run_stress
 from harness.lab.ablation import ablated_quantities

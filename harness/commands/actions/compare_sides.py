@@ -14,7 +14,8 @@ import typer
 
 from harness.analysis.compare import compare
 from harness.analysis.comparison_text import as_markdown, print_comparison
-from harness.analysis.gate import as_junit, as_summary, read_gate
+from harness.analysis.gate import as_junit, as_summary
+from harness.analysis.rules import read_gate
 from harness.analysis.sources import STANDARD, Source, open_source
 from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import DONE, UNDECIDED, WORSE

@@ -8,7 +8,8 @@ import pytest
 from scipy import stats
 
 from harness.analysis.arms import Arms, Layout, lost_values, measure, pair
-from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, MetricDifference, Rules, judge
+from harness.analysis.rules import Rules
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, MetricDifference, judge
 from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
 from harness.scoring.metrics.quantity import Quantity
 

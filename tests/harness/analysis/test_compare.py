@@ -11,9 +11,10 @@ import pandas as pd
 import pytest
 
 from harness.analysis.compare import Judgement, compare
+from harness.analysis.rules import Rules, compared_quantities
 from harness.analysis.single import compare_runs, evidence_of, read_seen
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import NO_WORSE, UNDECIDED, UNTESTED, WORSE, Rules, compared_quantities
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError

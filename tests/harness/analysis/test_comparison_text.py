@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import MOST_MOMENTS, as_markdown, conclusion, print_comparison
-from harness.analysis.verdicts import NO_WORSE, UNDECIDED, WORSE, Rules, Verdict
+from harness.analysis.rules import Rules
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED, WORSE, Verdict
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 
 HOTA, IDF1 = "mot.hota", "mot.idf1"

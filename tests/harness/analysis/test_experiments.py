@@ -12,8 +12,9 @@ import pytest
 import harness
 from harness.analysis.compare import compare
 from harness.analysis.experiments import differing
+from harness.analysis.rules import Limit, Rules
 from harness.analysis.sources import open_source
-from harness.analysis.verdicts import NO_WORSE, UNDECIDED, Limit, Rules
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED
 from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError

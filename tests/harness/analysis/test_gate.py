@@ -13,8 +13,9 @@ import pytest
 from harness.analysis.compare import compare
 from harness.analysis.curves import labelled
 from harness.analysis.gate import as_junit, as_summary
+from harness.analysis.rules import PRIMARY
 from harness.analysis.sources import Source
-from harness.analysis.verdicts import PRIMARY, UNDECIDED, UNTESTED, WORSE
+from harness.analysis.verdicts import UNDECIDED, UNTESTED, WORSE
 from harness.analysis.why import TrackFailure, Why
 from harness.commands.app import run_command_line
 from harness.common import exit_codes

@@ -13,7 +13,8 @@ import numpy as np
 import pandas as pd
 
 from harness.analysis.arms import Arms, Layout, measure
-from harness.analysis.verdicts import PRIMARY, compared_quantities, judge
+from harness.analysis.rules import PRIMARY, compared_quantities
+from harness.analysis.verdicts import judge
 
 BASELINE = Path(__file__).parents[3] / "results" / "reference" / "standard" / "runs.parquet"
 COST = "hidden.hidden_cost_m"

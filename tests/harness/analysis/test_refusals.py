@@ -12,17 +12,9 @@ import pytest
 
 from harness.analysis.compare import Judgement, compare
 from harness.analysis.comparison_text import as_markdown
+from harness.analysis.rules import STEP_TIME, Rules, compared_quantities
 from harness.analysis.sources import Source, open_source
-from harness.analysis.verdicts import (
-    BETTER,
-    NO_WORSE,
-    STEP_TIME,
-    UNDECIDED,
-    UNTESTED,
-    WORSE,
-    Rules,
-    compared_quantities,
-)
+from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 from harness.common.errors import InputError
 from harness.scoring.metrics.closedloop import COLLIDED

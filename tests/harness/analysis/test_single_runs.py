@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from harness.analysis.compare import compare
+from harness.analysis.rules import Rules, compared_quantities
 from harness.analysis.single import compare_runs, evidence_of, read_seen
 from harness.analysis.sources import Source
 from harness.analysis.vehicles import closeness, hota_by_vehicle
-from harness.analysis.verdicts import Rules, compared_quantities
 from harness.analysis.why import failures
 from harness.common.errors import InputError
 from harness.scoring.metrics.registry import score_metrics

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harness.analysis.arms import Arms, Layout, measure
-from harness.analysis.verdicts import BETTER, NO_WORSE, PRIMARY, Rules, Verdict, compared_quantities, holm, judge
+from harness.analysis.rules import PRIMARY, Rules, compared_quantities
+from harness.analysis.verdicts import BETTER, NO_WORSE, Verdict, holm, judge
 from harness.scoring.metrics.quantity import Quantity
 
 

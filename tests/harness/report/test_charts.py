@@ -11,7 +11,8 @@ import pytest
 
 from harness.analysis.compare import Judgement
 from harness.analysis.curve_charts import grid_charts
-from harness.analysis.verdicts import UNTESTED, WORSE, Rules, Verdict
+from harness.analysis.rules import Rules
+from harness.analysis.verdicts import UNTESTED, WORSE, Verdict
 from harness.common.charts import Charts, draw_charts
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.comparison_page import comparison_charts

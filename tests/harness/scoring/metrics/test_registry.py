@@ -12,7 +12,7 @@ import pytest
 
 from harness.analysis.curves import CURVES, TABLED
 from harness.analysis.pooled import POOLED
-from harness.analysis.verdicts import COMPARED
+from harness.analysis.rules import COMPARED
 from harness.decisions.decide import driver_of
 from harness.lab.ablation import COLUMNS
 from harness.report.summary import REPORTED
