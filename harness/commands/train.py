@@ -16,8 +16,7 @@ class Options(TypedDict):
         str | None,
         Option(
             "Network by name, or your own: a folder or .sumocfg file. --case turning takes several: A,B. (default: "
-            "us101; "
-            "turning: junction,priority,roundabout)"
+            "us101; turning: junction,priority,roundabout)"
         ),
     ]
     case: Annotated[

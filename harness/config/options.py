@@ -187,8 +187,7 @@ class RunOptions(TypedDict, total=False):
         str | None,
         Option(
             "Driver model that scores driving decisions on tracks against those on the truth: hdm, idm, mobil, or "
-            "module:factory. "
-            "(default: hdm)",
+            "module:factory. (default: hdm)",
             "decisions.driver",
             TRACKING,
         ),

@@ -49,8 +49,7 @@ class CalibrationOptions(TypedDict):
         list[Path] | None,
         Option(
             "File or folder of recorded vehicles, to repeat the measurement of lane changes and accelerations; "
-            "repeatable. "
-            "(default: the network's measured_file)"
+            "repeatable. (default: the network's measured_file)"
         ),
     ]
     demand: Annotated[str | None, Option("Fit only this demand and keep the drivers. (default: all measured)")]

@@ -23,7 +23,6 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, taken
 ON_NETWORKS = "junction,priority,roundabout"
 TURNING = "turning"
 DURATION_S = 100.0
-# Processor time of a recording.
 
 TURN_PER_M = 0.01
 INTO_TURN_M, TURNS_FASTER_MPS = 3.0, 3.0
