@@ -12,6 +12,7 @@ import json
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,20 +34,14 @@ STEPS, STEP_S, SPEED_MPS = 60, 0.1, 20.0
 LAST_SEEN, SEEN_AGAIN, GIVEN_UP, NEW_TRACK = 20, 40, 30, 43
 
 
-def write_recorded_scene(
-    folder: Path,
-    names: dict[str, str] | None = None,
-    road: Road | None = None,
-    config: RunConfig | None = None,
-    command: str = COMMAND,
-) -> Path:
+def write_recorded_scene(folder: Path, names: dict[str, str] | None = None, **options: Any) -> Path:
     """Write the folder; vehicles can be given other names."""
-    if not (names or road or config) and command == COMMAND:
+    if not (names or options):
         for file, content in usual_files().items():
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
             (folder / file).write_bytes(content)
         return folder
-    return written_scene(folder, names, road, config, command)
+    return written_scene(folder, names, **options)
 
 
 @cache

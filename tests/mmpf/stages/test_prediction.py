@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
@@ -20,20 +18,13 @@ from mmpf.stages.prediction import bootstrap_proposal, prior_update
 from mmpf.stages.update_rule import Situation
 from mmpf.tracker import MixtureTracker
 from tests.mmpf.motion.surroundings import around
-from tests.mmpf.scenes import ROAD, lane_centre, scan_of
+from tests.mmpf.scenes import ROAD, LinearGaussianMotion, lane_centre, scan_of
 
 NAMES = ["gmm", "cvm", "my-own"]
 
 
-@dataclass(frozen=True)
-class Still:
+class Still(LinearGaussianMotion):
     """A user's own model, which says nothing of how it spreads the speed: no particle ever moves."""
-
-    name: str = "still"
-    latent_size: int = 0
-
-    def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
-        return np.zeros((0, state.shape[1]))
 
     def propagate(
         self, state: FloatArray, latents: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator
