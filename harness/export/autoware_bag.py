@@ -107,7 +107,8 @@ def _detected(run: RecordedRun) -> list[Message]:
     turned = _directions(run, found)
     return [
         {
-            "existence_probability": 1.0, **_body(size[k]),
+            "existence_probability": 1.0,
+            **_body(size[k]),
             "kinematics": {
                 "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], turned[k]),
                 "has_position_covariance": True,
@@ -118,7 +119,7 @@ def _detected(run: RecordedRun) -> list[Message]:
             },
         }
         for k in range(len(found))
-    ]  # fmt: skip
+    ]
 
 
 def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
@@ -149,7 +150,8 @@ def _objects(
     return [
         {
             "object_id": {"uuid": [byte for part in identity[k].tolist() for byte in part.to_bytes(8, signed=True)]},
-            "existence_probability": existence[k], **_body(size[k]),
+            "existence_probability": existence[k],
+            **_body(size[k]),
             "kinematics": {
                 "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], turned[k]),
                 "twist_with_covariance": _rates("twist", (speed[k], lat_speed[k]), (along[k], 0.0)),
@@ -159,7 +161,7 @@ def _objects(
             },
         }
         for k in range(len(rows))
-    ]  # fmt: skip
+    ]
 
 
 def _directions(run: RecordedRun, table: pd.DataFrame) -> FloatArray:

@@ -220,8 +220,9 @@ def _plots(truth: pd.DataFrame, tracks: pd.DataFrame) -> list[tuple[str, str, st
     """Return what may be plotted over time: its name, ``truth`` or ``tracks``, the packed column and its factor."""
     plots = [("distance to its track, m", "truth", "error", 100.0)]
     for whose, table, packed, known in (
-        ("vehicle", "truth", truth, OF_VEHICLES), ("its track", "tracks", tracks, OF_TRACKS),
-    ):  # fmt: skip
+        ("vehicle", "truth", truth, OF_VEHICLES),
+        ("its track", "tracks", tracks, OF_TRACKS),
+    ):
         named = known | {name: (name, factor) for name, (_, _, factor) in _others(packed, known).items()}
         plots += [(f"{whose}: {name}", table, key, factor) for name, (key, factor) in named.items()]
     return plots

@@ -246,9 +246,12 @@ def on_clock(rows: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
     near = pd.merge_asof(
         rows.sort_values("time_s", kind="stable"),
         steps.astype({"own": np.float64}),
-        left_on="time_s", right_on="own", by="episode" if "episode" in rows else None, direction="nearest",
+        left_on="time_s",
+        right_on="own",
+        by="episode" if "episode" in rows else None,
+        direction="nearest",
         tolerance=0.5 * _step_of(clock) + 1e-6,  # type: ignore[arg-type]  # of floats a float, says pandas
-    )  # fmt: skip
+    )
     near = near[near["step"].notna()]
     off = (near["time_s"] - near["own"]).abs()
     return near.assign(off=off, step=near["step"].astype(np.int64), time_s=near["at_s"]).drop(columns=["own", "at_s"])

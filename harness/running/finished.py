@@ -137,13 +137,23 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     road, truth = read_road(folder / runfolder.ROAD, parameter), table(runfolder.TRUTH)
     check_truth(truth, road, f"`{parameter}`: {folder / runfolder.TRUTH}")
     return RecordedRun(
-        folder=folder, config=config, metrics=runfolder.read_metrics(folder, parameter), manifest=manifest, road=road,
-        sensor=sensor_settings(config.sensor.profile, config.sensor.overrides), truth=truth,
-        detections=table(runfolder.DETECTIONS), tracks=table(runfolder.TRACKS), errors=table(runfolder.ERRORS),
-        events=table(runfolder.EVENTS), particles=table(runfolder.PARTICLES) if has(runfolder.PARTICLES) else None,
-        brakings=table(runfolder.BRAKINGS) if asked else None, commands=table(runfolder.COMMANDS) if asked else None,
-        unseen=table(runfolder.UNSEEN) if has(runfolder.UNSEEN) else None, whole=last_step is None,
-    )  # fmt: skip
+        folder=folder,
+        config=config,
+        metrics=runfolder.read_metrics(folder, parameter),
+        manifest=manifest,
+        road=road,
+        sensor=sensor_settings(config.sensor.profile, config.sensor.overrides),
+        truth=truth,
+        detections=table(runfolder.DETECTIONS),
+        tracks=table(runfolder.TRACKS),
+        errors=table(runfolder.ERRORS),
+        events=table(runfolder.EVENTS),
+        particles=table(runfolder.PARTICLES) if has(runfolder.PARTICLES) else None,
+        brakings=table(runfolder.BRAKINGS) if asked else None,
+        commands=table(runfolder.COMMANDS) if asked else None,
+        unseen=table(runfolder.UNSEEN) if has(runfolder.UNSEEN) else None,
+        whole=last_step is None,
+    )
 
 
 def _last_step(truth: Path, most_rows: int) -> int | None:

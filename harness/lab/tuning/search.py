@@ -104,9 +104,11 @@ def recordings_of(seed: int, duration_s: float, sensor: str) -> list[RecordedSna
 @cache
 def _snapshots(recording: RecordedSnapshots) -> SnapshotStream:
     traffic = {
-        "net": "us101", "density": recording.density, "duration_s": recording.duration_s,
+        "net": "us101",
+        "density": recording.density,
+        "duration_s": recording.duration_s,
         "broken_down": recording.broken_down,
-    }  # fmt: skip
+    }
     hard = {"detectability_share": recording.hard_share, **HARD_TO_DETECT} if recording.hard_share else {}
     config = {"seed": recording.seed, "traffic": traffic, "sensor": {"profile": recording.sensor, **hard}}
     return open_snapshots(RunConfig.model_validate(config)).kept()
