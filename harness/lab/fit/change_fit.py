@@ -12,10 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.lab.fit.mixture_em import fit_mixture
 from harness.lab.windows.changing import LaneChanges
 from harness.lab.windows.neighbours import NeighbourStates
-from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, TRAINED_STEP_S, ChangeView, change_inputs
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -44,12 +42,6 @@ class LateralScatter:
 
 AS_RECORDED = LateralScatter(share=0.0)
 SCATTERED = LateralScatter()
-
-
-def fit_change(changes: LaneChanges, components: int, seed: int) -> ScaledGmm:
-    """Fit table I's mixture to all samples of the windows."""
-    x, y = change_samples(changes, np.random.default_rng(seed), SCATTERED)
-    return fit_mixture(x, y, components, seed)
 
 
 def change_samples(

@@ -59,11 +59,6 @@ def fit_follower(windows: CarFollowing, components: int, seed: int, progress: Ca
     return MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)
 
 
-def fit_short(windows: CarFollowing, components: int, seed: int) -> ScaledGmm:
-    """Fit the paper's short-term model, exactly its inputs and outputs, to unaltered samples."""
-    return fit_mixture(*short_samples(windows.led, SHORT_SAMPLES, np.random.default_rng(seed)), components, seed)
-
-
 def short_samples(led: CarFollowing, most: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Return so many samples, or all, of the inputs (n, 5) and outputs (n, 4) of the paper's short-term model."""
     distance = led.gap_m + led.leader_length_m[:, None]

@@ -31,8 +31,15 @@ def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int) -> Sca
         seed: Seed of the k-means start; the same samples and seed give the same mixture.
     """
     samples, scaling = _standardised(x, y)
-    weights, means, covariances = _expectation_maximisation(samples, components, seed)
-    return ScaledGmm(ConditionalGmm(weights, means, covariances, x.shape[1]), scaling)
+    if len(samples) <= START_SAMPLES:
+        fitted = _fitted(samples, components, seed, ITERATIONS)
+    else:
+        some = np.random.default_rng(seed).choice(len(samples), size=START_SAMPLES, replace=False)
+        start = _fitted(samples[some], components, seed, ITERATIONS)
+        fitted = _fitted(samples, components, seed, REFINING_ITERATIONS, start)
+    weights = np.maximum(fitted.weights_, 1e-12)
+    joint = ConditionalGmm(weights / weights.sum(), fitted.means_, fitted.covariances_, x.shape[1])
+    return ScaledGmm(joint, scaling)
 
 
 def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Scaling]:
@@ -42,19 +49,6 @@ def _standardised(x: FloatArray, y: FloatArray) -> tuple[FloatArray, Scaling]:
     samples = np.hstack([(x - input_mean) / input_scale, (y - output_mean) / output_scale])
     low, high = np.quantile(x, RANGE_QUANTILES, axis=0)
     return samples, Scaling(input_mean, input_scale, output_mean, output_scale, low, high)
-
-
-def _expectation_maximisation(
-    samples: FloatArray, components: int, seed: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    if len(samples) <= START_SAMPLES:
-        fitted = _fitted(samples, components, seed, ITERATIONS)
-    else:
-        some = np.random.default_rng(seed).choice(len(samples), size=START_SAMPLES, replace=False)
-        start = _fitted(samples[some], components, seed, ITERATIONS)
-        fitted = _fitted(samples, components, seed, REFINING_ITERATIONS, start)
-    weights = np.maximum(fitted.weights_, 1e-12)
-    return weights / weights.sum(), fitted.means_, fitted.covariances_
 
 
 def _fitted(

@@ -15,7 +15,7 @@ from harness.common.errors import InputError
 from harness.common.files import replacing
 from harness.lab.fit import recurrent_fit, unrolled
 from harness.lab.fit.card import TRAFFIC, errors_by_regime, write_card
-from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples, fit_change
+from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples
 from harness.lab.fit.driver_fit import (
     FOLLOWING_SAMPLES,
     PROPOSED_CHANGES,
@@ -24,10 +24,9 @@ from harness.lab.fit.driver_fit import (
     driver_habit,
     fit_driver,
     fit_empirical,
-    fit_short,
     short_samples,
 )
-from harness.lab.fit.mixture_em import START_SAMPLES
+from harness.lab.fit.mixture_em import START_SAMPLES, fit_mixture
 from harness.lab.fit.recovery import recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
 from harness.lab.windows.car_following import STEPS, CarFollowing, load_following
@@ -140,7 +139,8 @@ def _train_keeping(
         save_driver(own, driver, follower)
         check_that_it_drives(load_learned_driver(own), own)
         say("fitting the paper's short-term model")
-        mixture = fit_short(windows, plan.size, plan.seed)
+        samples = short_samples(led, SHORT_SAMPLES, np.random.default_rng(plan.seed))
+        mixture = fit_mixture(*samples, plan.size, plan.seed)
         SHORT.save(short, mixture)
         SHORT.load(short)
     say("scoring on held-out seeds")
@@ -221,7 +221,8 @@ def _train_change(
     say(f"{len(changes)} lane changes, {samples} samples")
     path = plan.out / "lane_change.npz"
     with _of_enough_traffic(plan):
-        mixture = fit_change(changes, plan.size, plan.seed)
+        x, y = change_samples(changes, np.random.default_rng(plan.seed), SCATTERED)
+        mixture = fit_mixture(x, y, plan.size, plan.seed)
         CHANGE.save(path, mixture)
         CHANGE.load(path)
     rng = np.random.default_rng(plan.seed)

@@ -65,7 +65,8 @@ def test_a_fit_that_its_reader_would_refuse_says_that_there_is_too_little_traffi
     flat[0] = np.eye(len(flat[0]))
     flat[0, 0, 1] = flat[0, 1, 0] = 1e-40
     fitted = replace(sound, mixture=replace(sound.mixture, covariances=flat))
-    for name, made in (("record_traffic", []), ("load_changes", range(60)), ("fit_change", fitted)):
+    samples = {"load_changes": range(60), "change_samples": ((), ())}
+    for name, made in {"record_traffic": [], **samples, "fit_mixture": fitted}.items():
         monkeypatch.setattr(train, name, lambda *_, made=made: made)
     plan = TrainingPlan("lane-change", 4, range(1000, 1001), 0, None, tmp_path / "models", duration_s=25.0)
     with pytest.raises(InputError, match=r"^`duration` 25: too little traffic .*; give more of `duration` or `seeds`$"):
