@@ -164,11 +164,23 @@ def _verdict(measured: MetricDifference, rules: Rules, p: float, tests: int, unk
     more = effect.units_to_decide(margin, tests, worsening) if word == UNDECIDED and wanting in ("", TOO_FEW) else None
     low, high = np.clip(effect.ci95, *_possible(measured)) if np.isfinite(measured.a) else effect.ci95
     return Verdict(
-        label=measured.label, metric=measured.quantity.key, primary=primary, a=measured.a, b=measured.b,
-        difference=effect.difference, ci95=(np.nan, np.nan) if unknown else (float(low), float(high)), p=p,
-        pairs=measured.pairs, units=effect.units, margin=margin, verdict=word, regression=word == WORSE,
-        more_units=None if more is None else max(1, int(np.ceil(more - effect.units))), wanting=wanting, breach=breach,
-    )  # fmt: skip
+        label=measured.label,
+        metric=measured.quantity.key,
+        primary=primary,
+        a=measured.a,
+        b=measured.b,
+        difference=effect.difference,
+        ci95=(np.nan, np.nan) if unknown else (float(low), float(high)),
+        p=p,
+        pairs=measured.pairs,
+        units=effect.units,
+        margin=margin,
+        verdict=word,
+        regression=word == WORSE,
+        more_units=None if more is None else max(1, int(np.ceil(more - effect.units))),
+        wanting=wanting,
+        breach=breach,
+    )
 
 
 def holm(p: FloatArray) -> FloatArray:
