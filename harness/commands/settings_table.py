@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
@@ -68,22 +68,16 @@ def _everything() -> Iterator[Setting]:
     run = list(_rows("", with_usual_traffic(RunConfig()), "run"))
     yield from (row for row in run if not row.key.startswith(("sensor.", "tracker.")))
     for network in available_networks():
-        yield _named("traffic.net", network.name, network.description, "network")
+        yield Setting(f"traffic.net={network.name}", None, "", network.description, "network")
     yield from (row for row in run if row.key.startswith("sensor."))
-    for name in recording_formats.names():
-        yield _named(
-            "traffic.recording.format", name, _summary_of(recording_formats, name), "format of recorded traffic"
-        )
-    for name in sensor_profiles:
-        yield _named("sensor.profile", name, _summary_of(sensor_profiles, name), "sensor profile")
+    yield from _named("traffic.recording.format", recording_formats.names(), recording_formats, recording_formats.kind)
+    yield from _named("sensor.profile", sensor_profiles, sensor_profiles, "sensor profile")
     yield from _sensors()
     yield from (row for row in run if row.key.startswith("tracker.") and row.key != "tracker.options")
     for name, description in available_trackers().items():
-        yield _named("tracker.name", name, description, "tracker")
-    for name in sorted({*trackers} - {*available_trackers()}):
-        yield _named("tracker.name", name, _summary_of(trackers, name), "tracker")
-    for name in motion_models:
-        yield _named("tracker.model", name, _summary_of(motion_models, name), "motion model")
+        yield Setting(f"tracker.name={name}", None, "", description, "tracker")
+    yield from _named("tracker.name", sorted({*trackers} - {*available_trackers()}), trackers, "tracker")
+    yield from _named("tracker.model", motion_models, motion_models, motion_models.kind)
     for name in available_trackers():
         yield from _tracker(name)
 
@@ -124,8 +118,9 @@ def _rows(prefix: str, settings: BaseModel, kind: str) -> Iterator[Setting]:
         yield Setting(prefix + key, default, unit_of(key, field), meaning, kind)
 
 
-def _named(key: str, name: str, meaning: str, kind: str) -> Setting:
-    return Setting(f"{key}={name}", None, "", meaning, kind)
+def _named(key: str, names: Iterable[str], registry: Registry[Any], kind: str) -> Iterator[Setting]:
+    """Yield the named things that a setting takes, each with what it says of itself."""
+    yield from (Setting(f"{key}={name}", None, "", _summary_of(registry, name), kind) for name in names)
 
 
 def _summary_of(registry: Registry[Any], name: str) -> str:

@@ -53,12 +53,6 @@ def code_of_end() -> int:
     return CODES[_received[-1]] if _received else exit_codes.INTERRUPTED
 
 
-def ignore_ends() -> None:
-    """Ignore the signals from now on: the process is about to end anyway."""
-    for end in CODES:
-        signal.signal(end, signal.SIG_IGN)
-
-
 @contextmanager
 def signals_held(*, forgotten: bool = False) -> Iterator[None]:
     """Let the signals that end a program wait until what must not be half done is done, or forget those that come."""

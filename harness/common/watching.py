@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.exit_codes import RUN_FAILED
 from harness.common.isolation import end_with_parent
-from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c, ignore_ends
+from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c
 from harness.common.streams import open_missing_streams
 
 NAMES_CODE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
@@ -53,7 +53,8 @@ def watched(command: str, arguments: Sequence[str]) -> int:
             except KeyboardInterrupt:
                 code = code_of_end()
             # All is done and told: what ends the process from here on must not look like an error.
-            ignore_ends()
+            for end in CODES:
+                signal.signal(end, signal.SIG_IGN)
         with suppress(OSError):  # external code has closed it: the parent tells
             os.write(pipe, pickle.dumps((code, None)))
         return code

@@ -42,11 +42,6 @@ def _type_lines(run: RecordedRun) -> list[str]:
     return ['<?xml version="1.0" encoding="UTF-8"?>', "<additional>", *types, "</additional>"]
 
 
-def _in_xml(name: str) -> str:
-    """Return a name with the characters that XML can not hold written as %xx."""
-    return NOT_IN_XML.sub(lambda found: f"%{ord(found[0]):02x}", name)
-
-
 def _lines(run: RecordedRun) -> list[str]:
     truth = run.truth
     columns = ("heading_rad", "speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
@@ -73,7 +68,8 @@ def _lines(run: RecordedRun) -> list[str]:
     # SUMO counts lanes from the right, from zero.
     lane = np.maximum(len(run.road.lanes) - truth["lane"].to_numpy(np.int64), 0)
     types = map(_type_name, np.round(length, 3).tolist(), np.round(width, 3).tolist())
-    names = (quoteattr(_in_xml(name)) for name in truth["vehicle_id"])
+    # What XML can not hold is written as %xx.
+    names = (quoteattr(NOT_IN_XML.sub(lambda found: f"%{ord(found[0]):02x}", name)) for name in truth["vehicle_id"])
     vehicles = [
         pattern % (name, *row[:3], kind, *row[3:5], number, *row[5:])
         for name, kind, row, number in zip(names, types, numbers.tolist(), lane.tolist(), strict=True)

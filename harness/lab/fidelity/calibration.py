@@ -84,7 +84,9 @@ def calibrate(options: CalibrationOptions, say: Callable[[str], object]) -> tupl
         write_candidate(out / "calibration.toml", outcome)
     if not options["write"] or network.calibration_file is None:
         return table, [out]
-    write_candidate(network.calibration_file, outcome.with_others(network))
+    # Demands that were calibrated before, and are not part of it, stay.
+    others = {name: network.demand_files[name] for name in network.calibrated}
+    write_candidate(network.calibration_file, Candidate(outcome.drivers, {**others, **outcome.demands}))
     if (options["fields"] is not None or options["recordings"]) and network.measured_file is not None:
         write_toml(network.measured_file, rounded(site.model_dump(exclude_none=True), 4), MEASURED_COMMENT)
     return table, [out, network.calibration_file]

@@ -55,11 +55,6 @@ class Candidate:
         """Return a network with these drivers and demands."""
         return replace(network, drivers=self.drivers, demand_files={**network.demand_files, **self.demands})
 
-    def with_others(self, network: Network) -> Candidate:
-        """Return it together with the demands that were calibrated before and are not part of it."""
-        others = {name: network.demand_files[name] for name in network.calibrated}
-        return Candidate(self.drivers, {**others, **self.demands})
-
 
 def first_candidate(
     network: Network, site: MeasuredSite, names: tuple[str, ...], keep_drivers: bool = False

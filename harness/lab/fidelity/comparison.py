@@ -88,13 +88,11 @@ def compare_traffic(
         "distances": {} if samples is None else distances(*samples),
         "left_out": left_out,
     }
-    shown = {}
-    for demand, own in of_demand.items():
-        period = site.periods[demand]
-        if recorded_fields is not None:
-            whole = recorded_fields.between(period.start_s, period.start_s + period.duration_s)
-            shown[demand] = own[0][0], whole
-    return table, shown, samples
+    if recorded_fields is None:
+        return table, {}, samples
+    periods = ((demand, site.periods[demand]) for demand in of_demand)
+    whole = {name: recorded_fields.between(each.start_s, each.start_s + each.duration_s) for name, each in periods}
+    return table, {name: (own[0][0], whole[name]) for name, own in of_demand.items()}, samples
 
 
 def distances(simulated: BehaviourSamples, recorded: BehaviourSamples) -> dict[str, dict[str, Any]]:

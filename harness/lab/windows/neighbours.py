@@ -43,14 +43,12 @@ def order_by_lane(recording: Recording) -> Ordering:
 
 def row_ahead(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
     """Return the row of the nearest vehicle strictly ahead of each place, ``NOBODY`` where there is none."""
-    place = np.searchsorted(ordering.key, _key(step, lane, lon_m), side="right")
-    return _row_if_same_lane(ordering, place, step, lane)
+    return _row_if_same_lane(ordering, np.searchsorted(ordering.key, _key(step, lane, lon_m), "right"), step, lane)
 
 
 def row_behind(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
     """Return the row of the nearest vehicle strictly behind each place, ``NOBODY`` where there is none."""
-    place = np.searchsorted(ordering.key, _key(step, lane, lon_m), side="left") - 1
-    return _row_if_same_lane(ordering, place, step, lane)
+    return _row_if_same_lane(ordering, np.searchsorted(ordering.key, _key(step, lane, lon_m)) - 1, step, lane)
 
 
 def clear_gap_m(recording: Recording, behind: IntArray, ahead: IntArray) -> FloatArray:
