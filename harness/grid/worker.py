@@ -114,7 +114,8 @@ def _run_over(
         held_against = against_coasting(evaluated.tables[runfolder.ERRORS], coasting)
         metrics = evaluated.metrics(run.config, {**snapshots.about, "against_coasting": held_against}, total_s)
         if keep_in is not None:
-            write_run(keep_in / run.key, evaluated, metrics, run.config, command_of(run.config))
+            command, inputs = command_of(run.config), snapshots.hashes()
+            write_run(keep_in / run.key, evaluated, metrics, run.config, command, inputs)
         return finished_row(run, metrics, total_s)
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin, error)

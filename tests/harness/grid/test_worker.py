@@ -107,7 +107,9 @@ def test_a_kept_run_is_a_run_folder_of_its_own(tmp_path):
     passed: list = []
     keeping(lambda cells, on_row: passed.extend([*cells, on_row]), tmp_path)([cell], print)
     assert passed == [replace(cell, keep_in=(tmp_path / KEPT).resolve()), print]
-    (_, *_, finished, _) = told_of(passed[0])
+    (tmp_path / "road.xml").touch()
+    opened = replace(OPEN(cell.config), files={"net_file": tmp_path / "road.xml"})
+    (_, *_, finished, _) = told_of(passed[0], lambda _: opened)
     folder = tmp_path / "kept" / cell.runs[0].key
     tables = {path.name: pd.read_parquet(path) for path in folder.glob("*.parquet")}
     names = [
@@ -129,7 +131,7 @@ def test_a_kept_run_is_a_run_folder_of_its_own(tmp_path):
     )
     manifest = json.loads((folder / "manifest.json").read_text())
     assert (manifest["status"], manifest["command"]) == ("complete", command_of(cell.runs[0].config))
-    assert (manifest["seed"], manifest["steps"]) == (3, 8)
+    assert (manifest["seed"], manifest["steps"], manifest["inputs_sha256"]) == (3, 8, opened.hashes())
     assert manifest["rows"] == {name: len(table) for name, table in tables.items()}
     assert ownership.kind_of(folder) == ownership.RUN
 
