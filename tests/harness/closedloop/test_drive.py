@@ -35,6 +35,21 @@ class Reckless:
         return Command(np.full(len(belief), 1.0), never, never)
 
 
+@pytest.fixture
+def here(monkeypatch):
+    """Drive in this process instead of workers, which take seconds to start."""
+
+    def in_turn(cells, workers, timeout_s, on_row, module):
+        def take(message):
+            if isinstance(message, Finished):
+                on_row(message.key, message.row)
+
+        for cell in cells:
+            worker.work_on_cell(cell, take)
+
+    monkeypatch.setattr("harness.closedloop.drive.run_cells", in_turn)
+
+
 def made(out, **options):
     return make_drives({"out": out, **SMALL, **options}, "test", quiet=True).folder
 
@@ -58,7 +73,7 @@ def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_
 
 
 @pytest.mark.slow
-def test_a_command_that_was_killed_and_taken_up_leaves_the_same_bytes(tmp_path):
+def test_a_command_that_was_killed_and_taken_up_leaves_the_same_bytes(tmp_path, request):
     folder = made(tmp_path / "out")
     names = ("runs.parquet", "table.md", "summary.json")
     whole = {name: (folder / name).read_bytes() for name in names}
@@ -66,6 +81,7 @@ def test_a_command_that_was_killed_and_taken_up_leaves_the_same_bytes(tmp_path):
     for path in (*rows[1:3], *(folder / name for name in names)):  # one of each episode and of each belief
         path.unlink()
     rows[0].with_name(".half.tmp").write_text("{")
+    request.getfixturevalue("here")
     made(folder, resume=True)
     assert {name: (folder / name).read_bytes() for name in names} == whole
     truth = read_table(folder, "runs.parquet", "folder", ()).query("variant == 'truth'")
@@ -73,7 +89,7 @@ def test_a_command_that_was_killed_and_taken_up_leaves_the_same_bytes(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_driver_who_never_brakes_collides_and_the_page_leads_to_the_replays(tmp_path):
+def test_a_driver_who_never_brakes_collides_and_the_page_leads_to_the_replays(tmp_path, here):
     folder = made(tmp_path / "out", density=30.0, perception="truth", driver=f"{__name__}:Reckless")
     rows = read_table(folder, "runs.parquet", "folder", ())
     assert rows[COLLIDED].sum() > 0.0
@@ -149,7 +165,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
 
 
 @pytest.mark.slow
-def test_drives_over_a_crossing_are_the_same_again_and_by_the_truth_the_ego_holds_where_it_must(tmp_path):
+def test_drives_over_a_crossing_are_the_same_again_and_by_the_truth_the_ego_holds_where_it_must(tmp_path, here):
     asked = {"net": "priority", "density": None, "provoke": "cross", "heed_unseen": 0.1, "seed": 103}
     rows = read_table(made(tmp_path / "first", **asked), "runs.parquet", "folder", ())
     again = read_table(made(tmp_path / "second", **asked | {"perception": "truth"}), "runs.parquet", "folder", ())
@@ -163,7 +179,7 @@ def test_drives_over_a_crossing_are_the_same_again_and_by_the_truth_the_ego_hold
 
 @pytest.mark.slow
 @pytest.mark.parametrize("flow_mps", [10.0, 20.0, 30.0])
-def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traffic(tmp_path, flow_mps):
+def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traffic(tmp_path, here, flow_mps):
     folder = made(tmp_path / "out", density=None, provoke="stopped", flow=flow_mps, perception="truth")
     rows = read_table(folder, "runs.parquet", "folder", ())
     stopped = rows[rows["episode.kind"] == STOPPED]

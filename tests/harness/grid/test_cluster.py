@@ -12,8 +12,12 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
+from harness.common.files import write_text
 from harness.grid.cluster import connect
-from tests.harness.grid.executors import table_of
+from harness.grid.grid import GridRequest
+from harness.grid.stress import run_stress
+from harness.running.open import open_snapshots
+from tests.harness.grid.executors import InProcess, table_of
 
 REPOSITORY = Path(__file__).parents[3]
 GRID = ("--densities", "10,15", "--seeds", "2", "--models", "cvm", "--particles", "20", "--duration", "1", "--quiet")
@@ -68,7 +72,9 @@ def _wait_until(condition, limit_s: float = 120.0) -> None:
 
 
 @pytest.mark.slow
-def test_a_grid_that_loses_a_worker_has_the_rows_of_one_machine_and_one_that_loses_its_scheduler_goes_on_here(tmp_path):
+def test_a_grid_that_loses_a_worker_has_the_rows_of_one_machine_and_one_that_loses_its_scheduler_goes_on_here(
+    tmp_path, monkeypatch
+):
     local, remote, out = (tmp_path / name for name in ("local", "remote", "out"))
 
     def begun(folder, **options):
@@ -89,9 +95,11 @@ def test_a_grid_that_loses_a_worker_has_the_rows_of_one_machine_and_one_that_los
     assert "scheduler was lost" in err
     kept = {path: path.read_bytes() for path in out.glob("runs/*.json")}
     assert kept
-    assert stress(out, "--resume", "--workers", "1").wait(timeout=300) == 0
+    monkeypatch.setattr("harness.grid.stress.draw_charts", lambda charts, title, path: write_text(path, ""))
+    request = GridRequest(densities="10,15", seeds="2", models="cvm", particles=20, duration_s=1.0)
+    run_stress(request, out, InProcess(open_snapshots), resume=True)
     assert {path: path.read_bytes() for path in kept} == kept
-    assert stress(local, "--workers", "1").wait(timeout=300) == 0
+    run_stress(request, local, InProcess(open_snapshots))
     assert len(table_of(local)) == 4
     for folder in (remote, out):
         pd.testing.assert_frame_equal(table_of(folder), table_of(local), check_exact=True)
