@@ -9,7 +9,7 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.trackers.catalogue import available_trackers, build_tracker
-from harness.trackers.conformance.checks import TrackerCheck, check_tracker, tracker_checks
+from harness.trackers.conformance.checks import TrackerCheck, tracker_checks
 from harness.trackers.conformance.scripted_scenes import ROAD, SENSOR
 from harness.trackers.protocol import TrackerSetting, TruthAssociatedTracker
 
@@ -63,11 +63,6 @@ def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
     if name == "lmb":
         pytest.importorskip("multisensor_lmb_filters_rs")
     check(lambda setting, options: build_tracker(name, setting, options), FEWER if name == "mmpf" else {})
-
-
-@pytest.mark.slow
-def test_the_filter_conforms_with_as_many_particles_as_by_default():
-    check_tracker(lambda setting, options: build_tracker("mmpf", setting, options))
 
 
 @pytest.mark.parametrize("check", [each for each in tracker_checks() if each.name not in BEYOND_MEMORYLESS], ids=str)

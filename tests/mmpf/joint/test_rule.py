@@ -144,14 +144,6 @@ def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> N
     assert after.mixture.components.existence == pytest.approx(np.minimum(exists / mass, LARGEST), abs=0.02)
 
 
-def test_a_few_misses_in_a_shadow_leave_who_was_long_known_as_probable_as_before() -> None:
-    known = rule_with().joint.existence.largest
-    for _ in range(5):
-        prior = belief_of([cloud_at(PLACE)], existence=[known])
-        known = float(updated(rule_with(), prior, np.full(PARTICLES, 0.3), []).mixture.components.existence[0])
-    assert known > 0.95
-
-
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.3, 1.0])
 def test_the_chance_to_have_left_grows_with_the_time_between_scans(dt_s: float) -> None:
     prior, nothing = belief_of([cloud_at(PLACE)], existence=[0.8]), np.zeros(PARTICLES)

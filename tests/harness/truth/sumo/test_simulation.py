@@ -46,10 +46,6 @@ def test_position_is_the_integral_of_speed_along_and_across_the_road(frames):
 
 
 def test_nothing_jumps(frames):
-    check_that_nothing_jumps(frames)
-
-
-def check_that_nothing_jumps(frames):
     check_that_nothing_jumps_along_the_road(frames)
     check_that_nothing_jumps_sideways(frames)
 

@@ -88,11 +88,6 @@ def test_components_are_sampled_in_proportion_to_their_conditional_weights():
     np.testing.assert_allclose(shares, unscaled / unscaled.sum(), atol=5 * 0.5 / np.sqrt(draws))
 
 
-def test_the_same_seed_draws_the_same_samples(mixture, x):
-    first, second = (mixture.sample(x, np.random.default_rng(8)) for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-
-
 @pytest.mark.parametrize(
     ("weights", "mean", "variance", "message"),
     [
