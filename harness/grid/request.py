@@ -30,19 +30,25 @@ def request_of(options: Mapping[str, Any]) -> GridRequest:
     return GridRequest(
         net=net if files or nets is not None else net or "us101",
         densities=_listed(options["densities"]) if given or own_demand else "5:65:10",
-        demands=_listed(options["demands"]), models=_listed(options["models"]),
+        demands=_listed(options["demands"]),
+        models=_listed(options["models"]),
         trackers=_listed(options["trackers"], _tracker_path) or "",
-        seeds=_seeds(options["seeds"]) or ("1" if files else "10"), duration_s=options["duration"],
-        particles=options["particles"], sensor=options["sensor"],
+        seeds=_seeds(options["seeds"]) or ("1" if files else "10"),
+        duration_s=options["duration"],
+        particles=options["particles"],
+        sensor=options["sensor"],
         settings=(
             *setting_of("traffic.broken_down", options["broken_down"]),
             *setting_of("altered.hide_s", options["hide"]),
             *setting_words(options["settings"]),
             *setting_of("traffic.recording.format", options["format"]),
         ),
-        vary=tuple(_axes(options["vary"])), replay=tuple(map(str, files)), ego=options["ego"],
-        mismatch=_worlds(options["mismatch"]), nets=nets,
-    )  # fmt: skip
+        vary=tuple(_axes(options["vary"])),
+        replay=tuple(map(str, files)),
+        ego=options["ego"],
+        mismatch=_worlds(options["mismatch"]),
+        nets=nets,
+    )
 
 
 def _worlds(asked: object) -> bool | str:

@@ -69,11 +69,7 @@ ABLATIONS = {
 }
 """What is different from the default in each arm, by its tracker as ``trackers`` of a stress test takes it."""
 
-IDEAL_ABLATIONS = {
-    tracker: what
-    for tracker, what in ABLATIONS.items()
-    if tracker == DEFAULT or tracker.startswith((PAPER, CHARITABLE))
-}
+IDEAL_ABLATIONS = {arm: what for arm, what in ABLATIONS.items() if arm == DEFAULT or arm.startswith(PAPER)}
 """The arms that are run under the paper's own sensor too: the default, and the paper's rule however it is read."""
 
 IDEAL_SENSOR = "ideal"

@@ -87,18 +87,33 @@ def run_page(run: RecordedRun) -> str:
     told = diagnostics_of(run)
     inside = diagnostics_charts(told) if told is not None else Charts(())
     return render(
-        "run.html.j2", title=run.config.title(), run=run, duration=shown, version=version("mmpf-harness"),
-        sentences=summary_sentences(run.metrics), setting=setting_sentence(run.metrics), key_figures=figures,
-        figures_table=key_table(figures), failures=failures_of(run), decisions=decision_summary(run.metrics),
-        brakings=brakings_of(run), lost=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
+        "run.html.j2",
+        title=run.config.title(),
+        run=run,
+        duration=shown,
+        version=version("mmpf-harness"),
+        sentences=summary_sentences(run.metrics),
+        setting=setting_sentence(run.metrics),
+        key_figures=figures,
+        figures_table=key_table(figures),
+        failures=failures_of(run),
+        decisions=decision_summary(run.metrics),
+        brakings=brakings_of(run),
+        lost=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
         figures=[] if run.whole or not drawn.is_file() else [PageFigure(embedded(drawn), OVER_TIME_WORDS)],
-        error_table=error_table(run.metrics["mae"]), hidden_table=hidden_table(run.metrics["mae"]),
+        error_table=error_table(run.metrics["mae"]),
+        hidden_table=hidden_table(run.metrics["mae"]),
         mot_table=mot_table(run.metrics),
-        config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(), facts=_facts(run.manifest),
+        config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
+        facts=_facts(run.manifest),
         vehicles=vehicle_table(run.errors, run.events, run.step_s),
-        sorting_script=Markup(_template_text("sorting.js")), by_visibility=by_visibility, over_time=over_time,
-        inside=inside, **chart_parts([by_visibility, over_time, inside]), **replay_parts(run),
-    )  # fmt: skip
+        sorting_script=Markup(_template_text("sorting.js")),
+        by_visibility=by_visibility,
+        over_time=over_time,
+        inside=inside,
+        **chart_parts([by_visibility, over_time, inside]),
+        **replay_parts(run),
+    )
 
 
 def replay_parts(

@@ -116,14 +116,20 @@ def _observation(frame: Frame, truth: Columns, seen: Columns, road: Road, settin
     place_of = {name: place for place, name in enumerate(truth["vehicle_id"].tolist())}
     return Observation(
         scan=Scan(
-            time_s=frame.time_s, detections=detections, ego=ego,
+            time_s=frame.time_s,
+            detections=detections,
+            ego=ego,
             free_space=free_space(detections, ego, road, settings.range_m, view_rad),
         ),
-        truth_id=seen["truth_id"], detection_visible_fraction=seen["visible_fraction"],
-        visible_fraction=truth["visible_fraction"], in_range=truth["in_range"], state=truth["state"].astype(np.int8),
+        truth_id=seen["truth_id"],
+        detection_visible_fraction=seen["visible_fraction"],
+        visible_fraction=truth["visible_fraction"],
+        in_range=truth["in_range"],
+        state=truth["state"].astype(np.int8),
         occluder=np.array([place_of.get(name, -1) for name in truth["occluder_id"].tolist()], dtype=np.int64),
-        behind_walls=truth.get("wall_fraction"), pseudo_hidden_s=truth.get("pseudo_hidden_s"),
-    )  # fmt: skip
+        behind_walls=truth.get("wall_fraction"),
+        pseudo_hidden_s=truth.get("pseudo_hidden_s"),
+    )
 
 
 def snapshots_of_bag(path: Path, config: RunConfig) -> SnapshotStream:
