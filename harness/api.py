@@ -85,7 +85,7 @@ class Run:
 
     @cached_property
     def about(self) -> dict[str, Any]:
-        """What the run was of: network, density, seed, tracker, motion model, sensor and so on, by name."""
+        """What the run was of, by name, such as network, density, seed, tracker, motion model and sensor."""
         return {name: value for name, value in self._content[0].get("run", {}).items() if value is not None}
 
     @cached_property
@@ -95,21 +95,15 @@ class Run:
 
         return read_metrics(self.folder, "folder"), finished.labels()
 
-    truth = _table_of("truth", "One row per vehicle and step: where it was, and how much of it the sensor could see.")
+    truth = _table_of("truth", "One row per vehicle and step, with its place and how much of it the sensor could see.")
     detections = _table_of("detections", "One row per detection; ``truth_id`` is empty for clutter.")
     tracks = _table_of("tracks", "One row per track and step.")
-    errors = _table_of(
-        "errors", "One row per vehicle that has been detected and step: its track, and how far off that is."
-    )
-    events = _table_of("events", "One row per occlusion: when, how long, and whether the track lasted.")
-    brakings = _table_of(
-        "brakings", "One row per missed or phantom braking: when, who was to blame, and what its track did."
-    )
-    commands = _table_of("commands", "One row per step: what the ego's driver would do by the truth and by the tracks.")
-    diagnostics = _table_of("diagnostics", "One row per step: the tracker's internal diagnostics, if it reports any.")
-    unseen = _table_of(
-        "unseen", "One row per step and stretch of lane: how many undetected vehicles the tracker expects there."
-    )
+    errors = _table_of("errors", "One row per step and vehicle detected so far, with its track and the track's error.")
+    events = _table_of("events", "One row per occlusion, with its time, its length and whether the track lasted.")
+    brakings = _table_of("brakings", "One row per missed or phantom braking, with its time and who was to blame.")
+    commands = _table_of("commands", "One row per step, with what the ego's driver would do by truth and by tracks.")
+    diagnostics = _table_of("diagnostics", "One row per step, with the tracker's diagnostics, if it reports any.")
+    unseen = _table_of("unseen", "One row per step and stretch of lane, with the undetected vehicles expected there.")
     particles = _table_of("particles", "A sample of the particles at some of the steps.")
 
     def report(self) -> Path:
@@ -138,12 +132,12 @@ class Grid:
 
     @cached_property
     def runs(self) -> pd.DataFrame:
-        """One row per run, failed ones too: ``succeeded``, ``error``, its settings, and every metric by its name."""
+        """One row per run, failed ones too, with ``succeeded``, ``error``, its settings and each metric by its name."""
         return read_table(self.folder, "runs.parquet", "folder", ())
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """Content of ``summary.json``: the grid, its curves, and where each tracker breaks."""
+        """Content of ``summary.json``, such as the grid, its curves, and where each tracker breaks."""
         return read_json(self.folder / "summary.json")
 
 
