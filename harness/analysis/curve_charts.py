@@ -69,11 +69,16 @@ def curve_charts(points: Sequence[Point], axis: str, leads: Mapping[Where, list[
             )  # fmt: skip
             charts.append(
                 curves(
-                    quantity.label, f"{quantity.label}, over {heading}, one line a tracker", heading, rows, lines,
-                    tooltip, (BREAK_PERCENT, "a tracker below this is broken") if broken else None,
+                    quantity.label,
+                    f"{quantity.label}, over {heading}, one line a tracker",
+                    heading,
+                    rows,
+                    lines,
+                    tooltip,
+                    (BREAK_PERCENT, "a tracker below this is broken") if broken else None,
                     better="higher is better" if quantity.higher_is_better else "lower is better",
                 )
-            )  # fmt: skip
+            )
     return Charts(tuple(charts), lines, NOTE, HINT)
 
 

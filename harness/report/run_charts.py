@@ -86,13 +86,17 @@ def diagnostics_charts(diagnostics: pd.DataFrame) -> Charts:
     rates = [row for name in events for row in _levels(later, name, floats(later, name) / step_s, width_s, band=False)]
     charts = [
         curves(
-            title, f"{title}, over time", "time, s", rows, lines,
+            title,
+            f"{title}, over time",
+            "time, s",
+            rows,
+            lines,
             (("series", "what"), ("stretch", "time"), ("value", "mean"), ("range", "least to greatest step")),
             marks=_new_egos(diagnostics),
         )
         for title, rows in (*shown, ("Events a second, without the first scan", rates))
         if rows
-    ]  # fmt: skip
+    ]
     note = f"Means over {width_s:g} s; bands from the least to the greatest step."
     return Charts(tuple(charts), lines[1:], note, HINT)  # levels have charts of one line each, which need no legend
 

@@ -126,8 +126,16 @@ def _behind_leaders(windows: CarFollowing, state: FloatArray, step: int, hidden:
     own_length, half_width = np.repeat(windows.length_m, particles), 0.5 * np.repeat(windows.lane_width_m, particles)
     nobody, no_lane = _nobody(state, own_length), np.zeros(state.shape[1], dtype=np.bool_)
     return Surroundings(
-        length_m=own_length, lane_right_m=-half_width, lane_left_m=half_width, has_left_lane=no_lane,
-        has_right_lane=no_lane, leader=_neighbour(windows.leader, state, step, own_length, 1.0), left_leader=nobody,
-        left_follower=nobody, right_leader=nobody, right_follower=nobody, is_hidden=np.full(len(no_lane), hidden),
+        length_m=own_length,
+        lane_right_m=-half_width,
+        lane_left_m=half_width,
+        has_left_lane=no_lane,
+        has_right_lane=no_lane,
+        leader=_neighbour(windows.leader, state, step, own_length, 1.0),
+        left_leader=nobody,
+        left_follower=nobody,
+        right_leader=nobody,
+        right_follower=nobody,
+        is_hidden=np.full(len(no_lane), hidden),
         road_speed_mps=np.full(len(no_lane), np.inf),
-    )  # fmt: skip
+    )
