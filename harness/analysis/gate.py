@@ -70,8 +70,7 @@ def in_a_line(verdict: Verdict) -> str:
 
 
 def _tell(case: ElementTree.Element, word: str, message: str) -> None:
-    kind = {WORSE: "failure", UNDECIDED: "skipped"}.get(word)
-    if kind is not None:
+    if (kind := {WORSE: "failure", UNDECIDED: "skipped"}.get(word)) is not None:
         ElementTree.SubElement(case, kind, message=_plain(message)).text = _plain(message)
     elif message:
         ElementTree.SubElement(case, "system-out").text = _plain(message)

@@ -131,8 +131,7 @@ def _sized(table: pd.DataFrame, size_m: FloatArray) -> pd.DataFrame:
 def _describe_detection(found: Any, columns: Columns, row: int, numbers: Mapping[str, int]) -> None:  # noqa: ANN401
     found.header.measurement_state = DetectedItemHeader.MEASUREMENT_STATE_MEASURED
     _spread(found, columns, row)
-    origin = numbers.get(columns["truth_id"][row])
-    if origin is not None:
+    if (origin := numbers.get(columns["truth_id"][row])) is not None:
         found.header.ground_truth_id.add(value=origin)
 
 

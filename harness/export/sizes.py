@@ -48,8 +48,7 @@ def _on_each_other(tracks: pd.DataFrame, detections: pd.DataFrame) -> tuple[IntA
     rows_there = detections.groupby("step").indices
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     for step, mine in tracks.groupby("step").indices.items():
-        theirs = rows_there.get(step)
-        if theirs is None:
+        if (theirs := rows_there.get(step)) is None:
             continue
         off = here[mine][:, None] - there[theirs][None]
         far = np.hypot(off[..., 0], off[..., 1])

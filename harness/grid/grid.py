@@ -226,8 +226,7 @@ def _axes(words: Sequence[str]) -> dict[str, tuple[float, ...]]:
             )
         if key in axes:
             raise InputError(f"`vary` {key}: given twice; for example `vary` {VARY_EXAMPLE}")
-        instead = {"seed": "`seeds` 10", "traffic.density": "`densities` 5:65:10"}.get(key)
-        if instead:
+        if instead := {"seed": "`seeds` 10", "traffic.density": "`densities` 5:65:10"}.get(key):
             raise InputError(f"`vary` {key}: this axis has its own option; for example {instead}")
         if not key.startswith(("sensor.", "tracker.", "traffic.")):
             raise InputError(f"`vary` {key}: no such setting can be varied; for example `vary` {VARY_EXAMPLE}")

@@ -100,8 +100,7 @@ def _files_of(replay: Sequence[Path | str] | Path | str | None) -> list[Path]:
     files: list[Path] = []
     for given in map(Path, [replay] if isinstance(replay, (str, Path)) else replay or ()):
         path = given / LABELS if (given / LABELS).is_dir() else given
-        logs = argoverse_logs(path)
-        if logs:
+        if logs := argoverse_logs(path):
             files += logs
         elif path.is_dir() and not any(path.glob("*_tracks.csv")) and not (path / "manifest.json").is_file():
             inside = sorted(file for file in path.iterdir() if file.is_file() and not file.name.startswith("."))

@@ -125,8 +125,7 @@ def key_figures(run: RecordedRun) -> list[KeyFigure]:
 
 def _brakings(run: RecordedRun) -> list[KeyFigure]:
     """Return how often the ego's driver would brake wrongly by the tracks; none where no driver was asked."""
-    decisions = decided(run.metrics)
-    if not decisions:
+    if not (decisions := decided(run.metrics)):
         return []
     missed, phantom, km = decisions["missed"], decisions["phantom"], decisions["km"]
     needed = decisions["onsets"] + missed

@@ -111,8 +111,7 @@ def decided(metrics: Metrics) -> Metrics:
 
 def decision_sentence(metrics: Metrics) -> str:
     """Return a sentence on missed and phantom brakings; empty where no driver was used."""
-    decisions = decided(metrics)
-    if not decisions:
+    if not (decisions := decided(metrics)):
         return ""
     needed = decisions["onsets"] + decisions["missed"]
     missed = (
@@ -131,8 +130,7 @@ def driven(km: float) -> str:
 
 def decision_summary(metrics: Metrics) -> str:
     """Return sentences on the driver's decisions by the tracks; empty where no driver was used."""
-    decisions = decided(metrics)
-    if not decisions:
+    if not (decisions := decided(metrics)):
         return ""
     driver, late = metrics["run"].get("driver", ""), decisions["lateness_s"]
     starts = f" In {_none(decisions['onsets'], 'case')} in which it had to brake, it would have begun"

@@ -228,8 +228,7 @@ def _origins(rows: pd.DataFrame, truth: pd.DataFrame) -> list[str]:
     others = truth[~truth["is_ego"] & truth["in_range"]]
     at = dict(list(others.groupby("step")))
     for step, own in rows.groupby("step"):
-        there = at.get(step)
-        if there is None:
+        if (there := at.get(step)) is None:
             continue
         away = np.hypot(
             *(own[name].to_numpy(dtype=np.float64)[:, None] - there[name].to_numpy() for name in ("lon_m", "lat_m"))

@@ -130,8 +130,7 @@ class _EpisodeTrackers:
         return replace(scan, open_signals=np.array([letter == OPEN for letter in snapshot.frame.signals]))
 
     def _check(self, tracks: object, scan: Scan) -> None:
-        fault = fault_of(tracks)
-        if fault is not None:
+        if (fault := fault_of(tracks)) is not None:
             raise RunError(
                 f"the tracker {described(self.tracker)} returned at {scan.time_s:g} s what can't be scored: "
                 f"{fault}; `python -m harness check-tracker` has details (docs/how-to/tracker.md)"

@@ -88,8 +88,7 @@ def _own_detections_part(
     """Return the sensor's table of a recording with its own detections; refuse settings that it does not allow."""
     if recording["ego"] not in ("auto", "each"):
         raise InputError(f"`ego` {recording['ego']}: a {name} recording is seen from its own car; leave `ego` out")
-    profile = asked.get("sensor", {}).get("profile")
-    if profile not in (None, sensor):
+    if (profile := asked.get("sensor", {}).get("profile")) not in (None, sensor):
         raise InputError(f"`sensor` {profile}: a {name} recording brings its own detections; leave `sensor` out")
     return {"sensor": dict(asked.get("sensor", {})) | {"profile": sensor}}
 

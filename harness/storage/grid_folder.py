@@ -76,8 +76,7 @@ def check_same_grid(out: Path, rows: Path, keys: set[str]) -> None:
         InputError: The folder holds runs of another grid, or runs whose own files are gone.
     """
     there = {path.stem for path in rows.glob("*.json")}
-    others = len(there - keys)
-    if others:
+    if others := len(there - keys):
         raise InputError(
             f"`out`: {out} holds {others} runs of another grid, which this one would leave out; choose another folder "
             f"or the options that {out / GRID} tells"

@@ -39,8 +39,7 @@ def record_all(folder: Path, kind: str) -> None:
 
 def add(folder: Path, files: Iterable[Path]) -> None:
     """Add files of a later command to a folder's list; do nothing where there is no list."""
-    known = _read(folder)
-    if known is not None:
+    if (known := _read(folder)) is not None:
         kind, listed = known
         _write(folder, kind, listed | {file.relative_to(folder).as_posix() for file in files})
 
@@ -75,8 +74,7 @@ def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
         raise InputError(f"`{parameter}`: {folder} was not made by this program and is not replaced; {fix}")
     if found != kind:
         raise InputError(f"`{parameter}`: {folder} is {IN_WORDS[found]}, not {IN_WORDS[kind]}; {fix}")
-    others = strangers(folder)
-    if others:
+    if others := strangers(folder):
         count = f" and {len(others) - 1} more" if len(others) > 1 else ""
         raise InputError(
             f"`{parameter}`: {folder} holds {others[0]}{count}, which this program did not write; move it away, or "

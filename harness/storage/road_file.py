@@ -115,8 +115,7 @@ def _graph_of(table: Mapping[str, Any]) -> LaneGraph:
         numbers = {name: _integers(held[name]) for name in CONTROL_INTEGERS}
         control = LinkControl(signal_name=_texts(held["signal_name"], "a signal's name"), **numbers)
     graph = LaneGraph(name=names, xy=points, in_junction=in_junction, control=control, **columns)
-    problem = graph_problem(graph)
-    if problem:
+    if problem := graph_problem(graph):
         raise ValueError(problem)
     return graph
 

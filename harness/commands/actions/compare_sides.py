@@ -50,8 +50,7 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     gate = read_gate(options["gate"])
     primary = None if options["primary"] is None else tuple(names(options["primary"], "primary", "mot.hota"))
     rules = gate.rules(options["tolerance"], options["time_tolerance"], primary)
-    sides = _sides(options)
-    if sides is None:
+    if (sides := _sides(options)) is None:
         return 0
     with working("comparing", options["quiet"]):
         comparison = compare(*sides, rules, options["allow_different"])

@@ -76,8 +76,7 @@ def read_measured(network: Network) -> MeasuredSite:
     Raises:
         InputError: The network has no measurements, or their file is broken.
     """
-    path = network.measured_file
-    if path is None:
+    if (path := network.measured_file) is None:
         raise InputError(f"`net` {network.name}: it has no measured_file in its network.toml to be compared with")
     return file_of(path, MeasuredSite)
 
@@ -102,8 +101,7 @@ def measure_vehicles(site: MeasuredSite, recordings: Sequence[Path], net: str) -
     Raises:
         InputError: A recording is missing or broken.
     """
-    files = recording_files(recordings)
-    if not files:
+    if not (files := recording_files(recordings)):
         return site
     figures = recorded_samples(files, net).statistics()
     source = "NGSIM US-101 in " + ", ".join(file.name for file in files)

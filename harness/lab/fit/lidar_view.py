@@ -100,8 +100,7 @@ def _of_log(log: Path) -> Iterator[FloatArray]:
 
 def main(logs: Path) -> str:
     """Return the table of areas by distance, as Markdown."""
-    found = argoverse_logs(logs)
-    if not found:
+    if not (found := argoverse_logs(logs)):
         raise InputError(f"{logs} holds no logs of Argoverse 2; give a folder of them")
     away_m, met, *values = np.concatenate([each for log in found for each in _of_log(log)], axis=1)
     rows = []
