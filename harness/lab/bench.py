@@ -106,12 +106,18 @@ class TimedTracker:
             return float(np.percentile(kept, percent)) if len(kept) else None
 
         return {
-            "tracker": self.name, "model": self.model, "vehicles": vehicles, "particles": self.particles,
-            "ms_p50": percentile(self.ms, 50), "ms_p95": percentile(self.ms, 95),
-            "cpu_ms_p50": percentile(self.cpu_ms, 50), "peak_mb": self.peak_mb, "steps": counted,
+            "tracker": self.name,
+            "model": self.model,
+            "vehicles": vehicles,
+            "particles": self.particles,
+            "ms_p50": percentile(self.ms, 50),
+            "ms_p95": percentile(self.ms, 95),
+            "cpu_ms_p50": percentile(self.cpu_ms, 50),
+            "peak_mb": self.peak_mb,
+            "steps": counted,
             "tracks": self.tracks,
             "stages_ms_p50": {stage: percentile(took_ms, 50) for stage, took_ms in self.stages_ms.items()},
-        }  # fmt: skip
+        }
 
 
 def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTracker:
