@@ -292,8 +292,7 @@ def _read(reading: int, length: int, patience_s: float) -> bytearray:
     while left:
         if not waiting.poll(1000.0 * patience_s):
             raise TimeoutError
-        came = os.readv(reading, [left])
-        if not came:
+        if not (came := os.readv(reading, [left])):
             raise EOFError
         left = left[came:]
     return content

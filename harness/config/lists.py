@@ -69,8 +69,7 @@ def _steps(text: str) -> list[Decimal]:
     start, stop, step = map(_number, words)
     if step <= 0 or stop < start:
         raise ValueError("START must not lie above STOP, STEP must be above 0")
-    count = math.floor((stop - start) / step) + 1
-    if count > MOST_VALUES:
+    if (count := math.floor((stop - start) / step) + 1) > MOST_VALUES:
         raise ValueError(f"{count} values, at most {MOST_VALUES} are allowed")
     return [start + k * step for k in range(count)]
 

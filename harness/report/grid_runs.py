@@ -70,8 +70,7 @@ class RunsOfGrid:
 
 def runs_of(folder: Path) -> RunsOfGrid | None:
     """Return what leads to the runs of a grid's folder; None if it is none, or of another version."""
-    grid = plan_of(folder)
-    if grid is None or not (folder / RUNS).is_file():
+    if (grid := plan_of(folder)) is None or not (folder / RUNS).is_file():
         return None
     table = runfolder.read_table(folder, RUNS, "folder", ("seed", "succeeded"))
     if len(table) != len(grid.runs):

@@ -92,8 +92,7 @@ def _failure_figures(run: RecordedRun) -> Iterator[Figure]:
 
 
 def _of_grid(folder: Path, place: Path, kind: str) -> Iterator[Path]:
-    grid = plan_of(folder)
-    if grid is None or grid.is_replay:
+    if (grid := plan_of(folder)) is None or grid.is_replay:
         return
     table = runfolder.read_table(folder, RUNS, "folder", ("seed", "succeeded"))
     points = curve_points(table, grid.axes)

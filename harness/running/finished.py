@@ -166,8 +166,7 @@ def _last_step(truth: Path, most_rows: int) -> int | None:
     rows = 0
     for group in range(footer.num_row_groups - 1):
         rows += footer.row_group(group).num_rows
-        known = footer.row_group(group).column(step).statistics
-        if known is None or not known.has_min_max:
+        if (known := footer.row_group(group).column(step).statistics) is None or not known.has_min_max:
             return None
         if rows + footer.row_group(group + 1).num_rows > most_rows:
             return int(known.max)

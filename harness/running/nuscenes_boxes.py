@@ -44,8 +44,7 @@ def nuscenes_scores(truth: Path, tracks: Path, poses: pd.DataFrame | None, step_
         times = poses.rename(columns=places)[[*places.values(), "time_s"]]
         times = times[times["token"].isin(tokens)].drop_duplicates("token")
     real, found = (_within_range(boxes.merge(times, on="token")) for boxes in (real, found))
-    scores = scores_by_class(real, found, times)
-    if not scores:
+    if not (scores := scores_by_class(real, found, times)):
         return None
     by_class = {name: {"amota": each.amota, "amotp": each.amotp} for name, each in scores.items()}
     means = pd.DataFrame(by_class.values()).mean()
@@ -55,12 +54,17 @@ def nuscenes_scores(truth: Path, tracks: Path, poses: pd.DataFrame | None, step_
 def _boxes(path: Path) -> tuple[list[str], pd.DataFrame]:
     results = read_json(path, "tracks")["results"]
     rows = [
-        (token, str(box["tracking_id"]), box["tracking_name"], *map(float, box["translation"][:2]),
-         float(box.get("tracking_score", np.nan)))
+        (
+            token,
+            str(box["tracking_id"]),
+            box["tracking_name"],
+            *map(float, box["translation"][:2]),
+            float(box.get("tracking_score", np.nan)),
+        )
         for token, found in results.items()
         for box in found
         if box["tracking_name"] in RANGE_M and box.get("num_pts", -1) != 0
-    ]  # fmt: skip
+    ]
     return list(results), pd.DataFrame(rows, columns=COLUMNS)
 
 

@@ -80,8 +80,7 @@ def open_snapshots(config: RunConfig, simulate: Simulate = simulate, *, ahead: b
 
 def _altered(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:
     """Return the snapshots with their detections changed as the configuration says."""
-    settings = config.altered
-    if settings == AlteredSettings():
+    if (settings := config.altered) == AlteredSettings():
         return snapshots
     sensor = sensor_settings(config.sensor.profile, config.sensor.overrides)
     every = settings.every_scan

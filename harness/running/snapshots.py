@@ -152,8 +152,7 @@ def timed_snapshots(frames: Iterable[Frame], observe: Callable[[Frame], Observat
     source = iter(frames)
     while True:
         begin = perf_counter()
-        frame = next(source, None)
-        if frame is None:
+        if (frame := next(source, None)) is None:
             return
         moved = perf_counter()
         observation = observe(frame)

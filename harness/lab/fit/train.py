@@ -215,8 +215,7 @@ def _train_follower(
 def _train_change(
     plan: TrainingPlan, net: Network, changes: LaneChanges, held_out: LaneChanges, say: Say
 ) -> list[Path]:
-    samples = len(changes) * (STEPS - 1)
-    if samples < plan.size:
+    if (samples := len(changes) * (STEPS - 1)) < plan.size:
         raise InputError(f"`seeds`: {len(changes)} lane changes are too few to train on; give more seeds")
     say(f"{len(changes)} lane changes, {samples} samples")
     path = plan.out / "lane_change.npz"
