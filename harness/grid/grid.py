@@ -178,6 +178,11 @@ def _variants(request: GridRequest) -> list[_Variant]:
     for name, taken in takers.items():
         if getattr(request, name) is not None and not taken:
             raise InputError(f"`{name}`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")
+    for name in () if takers["particles"] else ("settings", "vary"):
+        for key in (word.partition("=")[0].strip() for word in getattr(request, name)):
+            if key.startswith("tracker.") and not key.startswith(BELIEFS):
+                own = f"{variants[0].tracker}+{key.removeprefix('tracker.').removeprefix('options.')}=VALUE"
+                raise InputError(f"`{name}` {key}: it goes to mmpf, which is not asked for; write `trackers` {own}")
     return variants
 
 
