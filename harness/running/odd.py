@@ -99,7 +99,8 @@ def _odd_moves(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Oddity]:
     said_mps2 = np.abs(np.diff(along)[next_step] / np.diff(time_s)[next_step])
     at_once = max(_share(change_mps2 > HARDEST_MPS2), _share(said_mps2 > 3.0 * HARDEST_MPS2))
     yield Oddity("moves not where it points", _share(off_rad[went_mps > MOVING_MPS] > TURNED_RAD), FEW)
-    yield Oddity("moves not as fast as it says", _unlike(rows, who), 2.0 * FEW)
+    backwards = (along[first] * np.cos(off_rad) < -MOVING_MPS)[went_mps > MOVING_MPS]
+    yield Oddity("moves not as fast as it says", max(_unlike(rows, who), _share(backwards)), 2.0 * FEW)
     yield Oddity("drives faster than 259 km/h", _share(went_mps > 0.9 * LEAP_MPS), FEW)
     yield Oddity("changes its speed at once", at_once, FEW)
     yield Oddity("is on record at one moment", _share(np.bincount(who) == 1), HALF if who[-1] >= FEWEST_VEHICLES else 1)

@@ -14,7 +14,8 @@ KINDS = {
     "at once": "lon_m = lon_m + 7 * (step % 20)", "is where another is": "lon_m = 100 + 2 * step",
     "usual": "length_m = 15", "its size": "length_m = 4 + (step > 30) * 3", "wider": "width_m = length_m + 0.1",
     "26 m": "length_m = 3000",
-    "at one moment": "vehicle_id = index", "lanes": "lane = 0", "stands where another is": "lon_m = 100\nspeed_mps = 0",
+    "not as fast": "speed_mps = -speed_mps", "at one moment": "vehicle_id = index", "lanes": "lane = 0",
+    "stands where another is": "lon_m = 100\nspeed_mps = 0",
 }  # fmt: skip
 
 
