@@ -37,7 +37,7 @@ from harness.storage.road_file import read_road
 from harness.trackers.wellformed import fault_of
 from harness.truth.frame import ROAD_OF_RECORDING
 from harness.truth.recorded.detected.recorded_drive import EGO
-from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table
+from harness.truth.recorded.logs import DETECTIONS, TRACKS, TRUTH, LogFile, read_poses_table, split_topic
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
 from mmpf.scan import Scan
@@ -63,7 +63,8 @@ class Logs(TypedDict):
         str | None, Option("parquet, csv, kitti, mot, nuscenes or mcap. (default: by the content)", metavar="FORMAT")
     ]
     step: Annotated[
-        float, Option("Seconds between frames that have only a number.", default=0.1, metavar="SECONDS", least=0.001)
+        float | None,
+        Option("Seconds between frames with only a number. (default: 0.1)", metavar="SECONDS", least=0.001),
     ]
     sensor: Annotated[str | None, Option("Sensor profile whose range and field of view are used.")]
     settings: Annotated[
@@ -118,6 +119,10 @@ def score_logs(
         InputError: A file is missing, of no known format, broken, or the files do not belong together.
     """
     begin = perf_counter()
+    files = {TRUTH: logs["truth"], TRACKS: logs["tracks"], DETECTIONS: logs["detections"]}
+    read = (_log(logs, role, path) for role, path in files.items() if path is not None)
+    if logs["step"] is not None and not any(map(_is_counted, read)):
+        raise InputError("`step`: the files have times of their own, so that no frame is only counted; leave it out")
     name = logs["name"] or logs["tracks"].name.partition(".")[0]
     against = _of_run(logs, name) if runfolder.is_run_folder(logs["truth"]) else _of_files(logs, name)
     rows = _rows(_log(logs, TRACKS, logs["tracks"]))
@@ -130,10 +135,10 @@ def score_logs(
         evaluated = evaluation.finish()
         check_scored(evaluated.scores, evaluated.steps)
         metrics = evaluated.metrics(config, snapshots.about, perf_counter() - begin)
-        if not set(STDS) <= set(rows):
+        if not (set(STDS) <= set(rows) and np.isfinite(rows[[*STDS]]).all(axis=None)):
             # Those that stand in for them say nothing of the tracker.
             metrics["calibration"] = _unknown(metrics["calibration"])
-            report += "; it tells no deviations, so calibration is null"
+            report += "; it does not tell all deviations, so calibration is null"
         if by_rules := _by_nuscenes_rules(logs):
             metrics["nuscenes"] = by_rules
             report += "; by nuScenes' rules AMOTA is {amota:.3f} and AMOTP {amotp:.3f} m".format(**by_rules)
@@ -152,8 +157,8 @@ def _by_nuscenes_rules(logs: Logs) -> dict[str, Any] | None:
     pair = logs["truth"], logs["tracks"]
     if any((logs["format"] or path.suffix.lstrip(".")) not in ("nuscenes", "json") for path in pair):
         return None
-    ego = _log(logs, TRUTH, logs["truth"]).ego
-    return nuscenes_scores(*pair, None if ego is None else read_poses_table(ego, logs["step"]), logs["step"])
+    log = _log(logs, TRUTH, logs["truth"])
+    return nuscenes_scores(*pair, None if log.ego is None else read_poses_table(log.ego, log.step_s), log.step_s)
 
 
 def _unknown(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,23 +168,35 @@ def _unknown(table: Mapping[str, Any]) -> dict[str, Any]:
 def _log(logs: Logs, role: str, path: Path) -> LogFile:
     ego = Path(logs["ego"]) if logs["ego"] is not None and Path(logs["ego"]).exists() else None
     path = path / f"{role}.parquet" if runfolder.is_run_folder(path) else path
-    return LogFile(path, role, logs["format"], logs["step"], ego)
+    return LogFile(path, role, logs["format"], logs["step"] or LogFile.step_s, ego)
+
+
+def _is_counted(log: LogFile) -> bool:
+    """Return whether a log's times are numbers of frames or samples."""
+    if (log.format or split_topic(log.path)[0].suffix.lower().lstrip(".")) not in ("csv", "parquet", "mcap"):
+        return True
+    rows = log.read()
+    return {"step", "time_s"} <= set(rows) and np.array_equal(rows["time_s"], rows["step"] * log.step_s)
 
 
 def _rows(log: LogFile) -> pd.DataFrame:
-    """Return the rows of a log, with numbers in each column that has a unit in its name, and whole ones that count."""
-    rows = log.read()
+    return _typed(f"`{log.role}`: {log.path}", log.read())
+
+
+def _typed(place: str, rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows with numbers in each column that has a unit in its name, and whole ones that count."""
     for column in (name for name in rows if NUMBERS.search(str(name))):
         try:
             rows[column] = rows[column].astype(np.float64)
         except (ValueError, TypeError) as error:
-            raise InputError(f"`{log.role}`: {log.path}: the column {column} holds no number: {error}") from None
+            raise InputError(f"{place}: the column {column} holds no number: {error}") from None
+    if missing := int(rows.reindex(columns=["id"], fill_value="")["id"].isna().sum()):
+        raise InputError(f"{place}: {missing} rows have no identity; name it, or remove them")
     for column in rows.columns.intersection(["id", "episode"]):
         if column == "episode" or pd.api.types.is_float_dtype(rows[column]):
             values = pd.to_numeric(rows[column], errors="coerce")
             if len(odd := rows.loc[~(values % 1 == 0) | (values.abs() > 2**53), column]):
-                told = f"{str(odd.iloc[0])[:40]} is no whole number, as {column} must be; mend it"
-                raise InputError(f"`{log.role}`: {log.path}: {told}")
+                raise InputError(f"{place}: {str(odd.iloc[0])[:40]} is no whole number, as {column} must be; mend it")
             rows[column] = values.astype(np.int64)
     return rows
 
@@ -204,14 +221,13 @@ def _of_files(logs: Logs, name: str) -> Scored:
     has_road = road_file.is_file() and "sample_token" not in rows
     road = read_road(road_file, TRUTH) if has_road else LaneGraphRoad(graph=without_map())
     poses = None if source.ego is None or source.ego.suffix == ".txt" or source.ego.is_dir() else source.ego
-    ego = None if poses is None else read_poses_table(poses, logs["step"])
-    moments = complete.sample_times(rows, ego, logs["step"])
+    ego = None if poses is None else _typed(f"`ego`: {poses}", read_poses_table(poses, source.step_s))
+    moments = complete.sample_times(rows, ego, source.step_s)
     rows = complete.with_times(rows, moments)
     rows = complete.with_ego(rows, ego, logs["ego"], logs["truth"])
     complete.check_scene(f"`truth`: {logs['truth']}", rows)
-    table = {"sensor": {"profile": logs["sensor"]} if logs["sensor"] else {}}
     settings = merged(None, {}, logs["settings"] or [])
-    sensor = table["sensor"] | settings.pop("sensor", {})
+    sensor = ({"profile": logs["sensor"]} if logs["sensor"] else {}) | settings.pop("sensor", {})
     if settings:
         raise InputError(f"`settings`: {next(iter(settings))} does not concern a log; only sensor.KEY=VALUE does")
     recording = RecordingConfig(format=source.format or logs["truth"].suffix.lstrip(".") or "folder", ego=EGO)
@@ -222,16 +238,14 @@ def _of_files(logs: Logs, name: str) -> Scored:
     config = config_from_table(base.as_table() | {"sensor": sensor})
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
     truth, clock = complete.truth_table(rows, road, figures)
-    found = None
-    if logs["detections"] is not None:
-        found = complete.with_times(_rows(_log(logs, DETECTIONS, logs["detections"])), moments)
+    given = logs["detections"]
+    found = None if given is None else complete.with_times(_rows(_log(logs, DETECTIONS, given)), moments)
     try:
         snapshots = snapshots_of(truth, complete.detection_table(found, truth, clock), road, figures)
     except ValueError as error:
         raise InputError(f"`truth`: {logs['truth']}: {error}; mend the file") from None
-    files = {str(path): path for path in (logs["truth"], logs["detections"]) if path is not None and path.is_file()}
-    snapshots = replace(snapshots, files={f"truth/{path.name}": path for path in files.values()})
-    return Scored(config, snapshots, clock, moments)
+    files = {f"truth/{path.name}": path for path in (logs["truth"], given) if path is not None and path.is_file()}
+    return Scored(config, replace(snapshots, files=files), clock, moments)
 
 
 def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks], str, int]:
@@ -258,9 +272,8 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
     for name, value in usual.items():
         placed[name] = complete.filled(placed, name, np.full(count, value))
     known = placed["state"].astype(str) if "state" in placed else pd.Series(["confirmed"] * count)
-    placed["state"] = (
-        known.map({word: code for code, word in enumerate(TRACK_STATES)}).fillna(CONFIRMED).astype(np.int8)
-    )
+    codes = {word: code for code, word in enumerate(TRACK_STATES)}
+    placed["state"] = known.map(codes).fillna(CONFIRMED).astype(np.int8)
     placed["track_id"] = placed["id"].astype(np.int64)
     columns = {column: placed[column].to_numpy() for column in Tracks.__dataclass_fields__}
     times = np.round(placed["time_s"].to_numpy(dtype=np.float64), 6)

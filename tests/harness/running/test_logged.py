@@ -412,20 +412,36 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
     (leap := tmp_path / "leap.txt").write_text(truth.read_text().replace(",1,30.0,", ",1,300.0,"))
     (poses := tmp_path / "poses.csv").write_text("time_s,lon_m,lat_m,heading_rad\n0,0,0..0,0\n")
     (late := tmp_path / "late.txt").write_text(truth.read_text().replace("\n20,", "\n200,").replace("\n3", "\n30"))
+    (words := tmp_path / "words.csv").write_text("time_s,episode,lon_m,lat_m,heading_rad\n0,x,0,0,0\n")
+    (other := tmp_path / "other").mkdir()
+    timed, _ = write_csv(other, "truth", 0.0)
     (many := tmp_path / "many.txt").write_text("".join(f"1,{k},-1,-1,-1,-1,1,{k},0,-1\n" for k in range(3000)))
     calls = [
         (["--ego", "9"], twice, log, "is there twice at"), (["--ego", "9"], leap, log, "leaps at"),
-        (["--ego", str(poses)], truth, log, "lat_m holds "),
+        (["--ego", str(poses)], truth, log, "lat_m holds "), (["--ego", str(words)], truth, log, "no whole number"),
         (["--ego", "9"], late, log, "s pass between two of its times"),
         (["--ego", "9"], many, log, "3000 vehicles at one time"),
         (["--ego", "9"], truth, tmp_path / "none.csv", "--tracks"), (["--ego", "77"], truth, log, "--ego"),
         ([], truth, log, "--ego"), (["--ego", "ego"], run.folder, log, "--ego"),
         (["--format", "odd"], run.folder, log, "--format"), (["--ego", "9", "--set", "seed=3"], truth, log, "--set"),
         (["--ego", "9", "--set", "sensor.range_m=-1"], truth, log, "sensor.range_m"),
-        (["--ego", "9", "--step", "0"], truth, log, "--step"),
+        (["--ego", "9", "--step", "0"], truth, log, "--step"), (["--step", "0.2"], run.folder, log, "of their own"),
+        (["--ego", "9", "--step", "0.1"], timed, log, "of their own"),
     ]  # fmt: skip
     capfd.readouterr()
     for more, of, tracks, named in calls:
         assert score(tmp_path, of, tracks, *more) == 2, more
         (line,) = capfd.readouterr().err.splitlines()
         assert named in line
+    assert score(tmp_path, truth, truth, "--ego", "9", "--step", "0.2") == 0
+    assert runfolder.read_table(tmp_path / "scored", runfolder.TRUTH, "truth")["time_s"].nunique() == STEPS
+
+
+def test_a_row_without_deviation_leaves_calibration_open_and_one_without_identity_is_refused(tmp_path, run, capsys):
+    tracks, path = pd.read_parquet(run.folder / runfolder.TRACKS), tmp_path / "some.parquet"
+    tracks.assign(std_lat_m=tracks["std_lat_m"].where(tracks.index > 0)).to_parquet(path)
+    assert score(tmp_path, run.folder, path) == 0
+    assert pd.json_normalize(metrics_of(tmp_path / "scored")["calibration"]).isna().all(axis=None)
+    tracks.assign(track_id=tracks["track_id"].astype("Int64").where(tracks.index > 0)).to_parquet(path)
+    assert score(tmp_path, run.folder, path) == 2
+    assert "1 rows have no identity" in capsys.readouterr().err

@@ -6,13 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.common.bootstrap import (
-    Interval,
-    cluster_bootstrap,
-    group_sums,
-    independent_ci,
-    sums_by_label,
-)
+from harness.common.bootstrap import Interval, cluster_bootstrap, group_sums, independent_ci, sums_by_label
 from harness.common.intervals import ANY, possible_ci
 from harness.scoring.evidence.rows import _codes, _origins, read_run
 from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
