@@ -6,6 +6,7 @@ from functools import cache
 
 import pytest
 
+from harness.common.files import write_text
 from harness.common.isolation import trusted
 from harness.running import provenance
 
@@ -59,9 +60,11 @@ def read_here():
 
 @pytest.fixture(scope="module")
 def no_pictures():
-    """Leave a run's pictures out, which take longer than a short run does."""
+    """Leave out the pictures of runs, grids and drives, which take longer than short ones of these do."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.report.pictures.draw_figures", lambda folder, pictured: folder.mkdir())
+        for module in ("harness.grid.stress", "harness.closedloop.drive"):
+            patch.setattr(f"{module}.draw_charts", lambda charts, title, path: write_text(path, ""))
         yield
 
 

@@ -24,8 +24,9 @@ pytestmark = pytest.mark.usefixtures("no_pictures")
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> harness.Run:
-    folder = tmp_path_factory.mktemp("api") / "run"
-    return harness.run(net="us101", density=20, seed=3, duration=1.0, tracker=echo_tracker, out=folder)
+    folder = tmp_path_factory.mktemp("api")
+    scene = write_recorded_scene(folder / "scene")
+    return harness.run(replay=scene, seed=3, tracker=echo_tracker, out=folder / "run")
 
 
 @pytest.mark.parametrize(
@@ -151,40 +152,33 @@ def test_a_folder_is_opened_again(run):
 
 def test_the_manifest_tells_the_call(run):
     manifest = json.loads((run.folder / "manifest.json").read_text())
-    assert manifest["command"].startswith(
-        "harness.run(net='us101', density=20, seed=3, duration=1.0, tracker=echo_tracker"
-    )
+    scene = run.folder.with_name("scene")
+    assert manifest["command"].startswith(f"harness.run(replay={scene!r}, seed=3, tracker=echo_tracker, out=")
 
 
 def test_a_tracker_handed_over_is_one_named_by_its_place(run, tmp_path):
-    named = harness.run(
-        net="us101",
-        density=20,
-        seed=3,
-        duration=1.0,
-        tracker="tests.harness.stand_ins:echo_tracker",
-        out=tmp_path / "named",
-    )
+    place, scene = "tests.harness.stand_ins:echo_tracker", run.folder.with_name("scene")
+    named = harness.run(replay=scene, seed=3, tracker=place, out=tmp_path / "named")
     pd.testing.assert_frame_equal(named.tracks, run.tracks)
     assert (named.folder / "config.toml").read_text() == (run.folder / "config.toml").read_text()
 
 
-def test_a_tracker_that_no_module_has_by_name_runs_too(tmp_path):
-    handed = harness.run(
-        density=20, duration=0.5, tracker=lambda setting, options: EchoTracker(setting), out=tmp_path / "run"
-    )
+def test_a_tracker_that_no_module_has_by_name_runs_too(run, tmp_path):
+    scene = run.folder.with_name("scene")
+    handed = harness.run(replay=scene, tracker=lambda setting, options: EchoTracker(setting), out=tmp_path / "run")
     assert len(handed.tracks)
 
 
-def test_a_run_that_breaks_part_way_says_so(tmp_path):
+def test_a_run_that_breaks_part_way_says_so(run, tmp_path):
     class Breaking(EchoTracker):
         def step(self, scan):
             if scan.time_s > 0.25:
                 raise RuntimeError("enough")
             return super().step(scan)
 
+    scene = run.folder.with_name("scene")
     with pytest.raises(harness.RunError, match="enough"):
-        harness.run(density=20, duration=1.0, tracker=lambda setting, options: Breaking(setting), out=tmp_path / "run")
+        harness.run(replay=scene, tracker=lambda setting, options: Breaking(setting), out=tmp_path / "run")
 
 
 def test_a_run_is_no_worse_than_itself(run):

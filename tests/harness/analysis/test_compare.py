@@ -286,7 +286,7 @@ def test_what_the_second_single_run_lacks_is_wanting_and_has_no_value(echo_run, 
 
 
 @pytest.fixture
-def small_suite(monkeypatch) -> None:
+def small_suite(monkeypatch, no_pictures) -> None:
     """Put a small grid on stand-in traffic, run in this process, in the standard suite's place."""
     request = GridRequest(densities="20", trackers=ECHO, seeds="3", duration_s=1.0)
     monkeypatch.setattr("harness.commands.actions.compare_sides.SUITES", {"standard": request})
@@ -295,7 +295,6 @@ def small_suite(monkeypatch) -> None:
         InProcess()(cells, on_row)
 
     monkeypatch.setattr("harness.commands.actions.compare_sides.run_cells", run_here)
-    monkeypatch.setattr("harness.grid.stress.draw_charts", lambda *arguments: None)
 
 
 def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, tmp_path, monkeypatch, capsys):

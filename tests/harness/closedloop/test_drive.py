@@ -36,8 +36,8 @@ class Reckless:
 
 
 @pytest.fixture
-def here(monkeypatch):
-    """Drive in this process instead of workers, which take seconds to start."""
+def here(monkeypatch, no_pictures):
+    """Drive in this process instead of workers, which take seconds to start, and draw nothing."""
 
     def in_turn(cells, workers, timeout_s, on_row, module):
         def take(message):

@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 
 from harness.common.errors import InputError
-from harness.common.files import write_text
 from harness.grid.cluster import connect
 from harness.grid.grid import GridRequest
 from harness.grid.stress import run_stress
@@ -73,7 +72,7 @@ def _wait_until(condition, limit_s: float = 120.0) -> None:
 
 @pytest.mark.slow
 def test_a_grid_that_loses_a_worker_has_the_rows_of_one_machine_and_one_that_loses_its_scheduler_goes_on_here(
-    tmp_path, monkeypatch
+    tmp_path, no_pictures
 ):
     local, remote, out = (tmp_path / name for name in ("local", "remote", "out"))
 
@@ -95,7 +94,6 @@ def test_a_grid_that_loses_a_worker_has_the_rows_of_one_machine_and_one_that_los
     assert "scheduler was lost" in err
     kept = {path: path.read_bytes() for path in out.glob("runs/*.json")}
     assert kept
-    monkeypatch.setattr("harness.grid.stress.draw_charts", lambda charts, title, path: write_text(path, ""))
     request = GridRequest(densities="10,15", seeds="2", models="cvm", particles=20, duration_s=1.0)
     run_stress(request, out, InProcess(open_snapshots), resume=True)
     assert {path: path.read_bytes() for path in kept} == kept

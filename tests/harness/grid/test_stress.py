@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from harness.commands.app import run_command_line
-from harness.common.files import write_text
 from harness.grid.grid import GridRequest
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.running.resolve import resolve_run_config
@@ -19,14 +18,9 @@ from harness.storage.grid_rows import flattened
 from tests.harness.grid.executors import BROKEN, ECHO, STEADY, InProcess, is_timing, table_of
 from tests.harness.stand_ins import SteadyTraffic, observing
 
+pytestmark = pytest.mark.usefixtures("no_pictures")
+
 REPOSITORY = Path(__file__).parents[3]
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _no_figures():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("harness.grid.stress.draw_charts", lambda charts, title, path: write_text(path, ""))
-        yield
 
 
 def grid(out: Path, request: GridRequest, execute=None) -> FinishedGrid:

@@ -17,7 +17,6 @@ from scipy.stats import beta
 import mmpf
 from harness.analysis.curves import labelled
 from harness.common.errors import InputError, RunError, RunInterruptedError
-from harness.common.files import write_text
 from harness.grid import stress
 from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid
@@ -41,11 +40,9 @@ def drawn(monkeypatch) -> list:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory) -> Path:
+def whole(tmp_path_factory, no_pictures) -> Path:
     """Return the folder of a finished grid, which no test may change."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stress, "draw_charts", lambda charts, title, path: write_text(path, ""))
-        return grid(tmp_path_factory.mktemp("finished") / "grid").folder
+    return grid(tmp_path_factory.mktemp("finished") / "grid").folder
 
 
 @pytest.fixture

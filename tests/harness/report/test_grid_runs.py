@@ -119,7 +119,7 @@ def test_kept_runs_get_their_pages_and_each_tracker_stands_beside_the_first(grid
 
 
 @pytest.mark.slow
-def test_a_stress_test_that_keeps_its_runs_links_to_their_pages(tmp_path):
+def test_a_stress_test_that_keeps_its_runs_links_to_their_pages(tmp_path, no_pictures):
     out = tmp_path / "out"
     words = ["stress", "--densities", "20", "--seeds", "1", "--trackers", "stonesoup-gnn,oracle-kalman"]
     assert run_command_line([*words, "--duration", "2", "--keep", "runs", "--out", str(out), "--quiet"]) == 0

@@ -11,7 +11,7 @@ from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
-from tests.harness.sensor.sensor_scenes import AROUND, CALM, ROAD, false_places, frame_of
+from tests.harness.sensor.sensor_scenes import AROUND, CALM, RING, ROAD, false_places, frame_of
 
 pytestmark = pytest.mark.usefixtures("no_shadows")
 SENSOR = sensor_settings("lidar-independent", {**CALM, "persistent_clutter": 0.0})
@@ -77,18 +77,20 @@ def test_one_vehicle_in_five_is_dark_for_the_whole_run(seed):
 
 
 def test_bursts_take_their_share_and_have_their_mean_length():
-    missed = ~np.array(list(seen(done(film(1500), burst_share=0.15, burst_s=0.8)).values()))
+    missed = ~np.array(list(seen(done(film(420, RING), burst_share=0.15, burst_s=0.8)).values()))
     assert missed.mean() == pytest.approx(0.15, abs=0.03)
     begins = (missed[:, 1:] & ~missed[:, :-1]).sum()
     assert 0.1 * missed.sum() / begins == pytest.approx(0.8, rel=0.2)
 
 
 def test_half_the_detections_are_left_at_the_half_range():
-    cars = [(20.0, -7.0), (60.0, 0.0), (90.0, 7.0)]
-    shares = {name: flags.mean() for name, flags in seen(done(film(600, cars), half_range_m=60.0)).items()}
-    for name, (ahead, aside) in zip(("car1", "car2", "car3"), cars, strict=True):
-        expected = 1.0 / (1.0 + np.exp((np.hypot(ahead, aside) - 60.0) / 8.0))
-        assert shares[name] == pytest.approx(expected, abs=0.06)
+    places = [(20.0, 7.0), (60.0, 1.0), (90.0, 7.0)]
+    cars = [(way * ahead, side * aside) for ahead, aside in places for way in (1, -1) for side in (1, -1)]
+    flags = seen(done(film(150, cars), half_range_m=60.0))
+    for k, place in enumerate(places):
+        expected = 1.0 / (1.0 + np.exp((np.hypot(*place) - 60.0) / 8.0))
+        found = np.mean([flags[f"car{number}"] for number in range(4 * k + 1, 4 * k + 5)])
+        assert found == pytest.approx(expected, abs=0.06)
 
 
 def test_the_sensor_is_blind_for_the_last_second_of_every_eight():
