@@ -114,7 +114,7 @@ def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tupl
         rows: Rows as ``harness.truth.recorded.logs`` reads them, one at each time the ego.
     """
     clock = _clock(rows)
-    rows = rows.rename(columns={"time_s": "own"}).drop(columns="step", errors="ignore")
+    rows = rows.drop(columns=["step", "own"], errors="ignore").rename(columns={"time_s": "own"})
     rows = rows.merge(clock, on=["episode", "own"]).sort_values(["step"], kind="stable").reset_index(drop=True)
     rows["vehicle_id"], rows["is_ego"] = rows["id"].astype(str), rows["is_ego"].astype(bool)
     sizes = (
@@ -241,7 +241,7 @@ def _origins(rows: pd.DataFrame, truth: pd.DataFrame) -> list[str]:
 def on_clock(rows: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
     """Return the rows whose time is within half a step of a step's, with its ``step`` and time, and how far ``off``."""
     steps = clock.sort_values("own").rename(columns={"time_s": "at_s"})
-    rows = rows.drop(columns=["step", "own"], errors="ignore").astype({"time_s": np.float64})
+    rows = rows.drop(columns=["step", "own", "at_s"], errors="ignore").astype({"time_s": np.float64})
     near = pd.merge_asof(
         rows.sort_values("time_s", kind="stable"),
         steps.astype({"own": np.float64}),

@@ -180,17 +180,18 @@ def _is_counted(log: LogFile) -> bool:
 
 
 def _rows(log: LogFile) -> pd.DataFrame:
-    return _typed(f"`{log.role}`: {log.path}", log.read())
+    return _typed(f"`{log.role}`: {log.path}", log.read(), is_named=log.role != DETECTIONS)
 
 
-def _typed(place: str, rows: pd.DataFrame) -> pd.DataFrame:
+def _typed(place: str, rows: pd.DataFrame, is_named: bool = False) -> pd.DataFrame:
     """Return rows with numbers in each column that has a unit in its name, and whole ones that count."""
     for column in (name for name in rows if NUMBERS.search(str(name))):
         try:
             rows[column] = rows[column].astype(np.float64)
         except (ValueError, TypeError) as error:
             raise InputError(f"{place}: the column {column} holds no number: {error}") from None
-    if missing := int(rows.reindex(columns=["id"], fill_value="")["id"].isna().sum()):
+    identity = rows.reindex(columns=["id"], fill_value="?")["id"]
+    if missing := int((identity.isna() | (identity == "") & is_named).sum()):
         raise InputError(f"{place}: {missing} rows have no identity; name it, or remove them")
     for column in rows.columns.intersection(["id", "episode"]):
         if column == "episode" or pd.api.types.is_float_dtype(rows[column]):

@@ -53,7 +53,7 @@ def write_csv(folder: Path, role: str, off_m: float) -> tuple[Path, list[str]]:
     identity = {"truth": "vehicle_id"}.get(role, "track_id")
     rows = [
         {"time_s": 5.0 + step * STEP_S, identity: name, "x_m": SPEED_MPS * step * STEP_S + x, "y_m": y,
-         "length_m": length, "width_m": width, "yaw_rad": 0.0}
+         "length_m": length, "width_m": width, "yaw_rad": 0.0, "own": 1.0, "at_s": 1.0}
         for step in range(STEPS)
         for name, _, x, y, length, width in [*boxes(step, off_m), *[EGO_BOX] * (role == "truth")]
     ]  # fmt: skip
@@ -414,11 +414,13 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
     (late := tmp_path / "late.txt").write_text(truth.read_text().replace("\n20,", "\n200,").replace("\n3", "\n30"))
     (words := tmp_path / "words.csv").write_text("time_s,episode,lon_m,lat_m,heading_rad\n0,x,0,0,0\n")
     (other := tmp_path / "other").mkdir()
+    (nameless := tmp_path / "nameless.csv").write_text("time_s,vehicle_id,lon_m,lat_m\n0,,0,0\n")
     timed, _ = write_csv(other, "truth", 0.0)
     (many := tmp_path / "many.txt").write_text("".join(f"1,{k},-1,-1,-1,-1,1,{k},0,-1\n" for k in range(3000)))
     calls = [
         (["--ego", "9"], twice, log, "is there twice at"), (["--ego", "9"], leap, log, "leaps at"),
         (["--ego", str(poses)], truth, log, "lat_m holds "), (["--ego", str(words)], truth, log, "no whole number"),
+        (["--ego", "9"], nameless, log, "1 rows have no identity"),
         (["--ego", "9"], late, log, "s pass between two of its times"),
         (["--ego", "9"], many, log, "3000 vehicles at one time"),
         (["--ego", "9"], truth, tmp_path / "none.csv", "--tracks"), (["--ego", "77"], truth, log, "--ego"),
