@@ -235,6 +235,8 @@ def make_reference(reference: Reference, root: Path, execute: Execute) -> Path:
     files = keep(reference, making, kept)
     for file in tracked(root, kept) - files:
         file.unlink(missing_ok=True)
+    if not (making / MANIFEST).is_file():  # a study leaves none
+        write_manifest(kept / MANIFEST, RunFacts(COMPLETE, reference.command, 0, 0))
     _tell_command(kept, reference, revision(root))
     return kept
 
@@ -266,11 +268,8 @@ def _check_same_sources(making: Path, sources: str) -> None:
 
 
 def _tell_command(kept: Path, reference: Reference, made_of: str) -> None:
-    """Let the manifest name the one command that makes this; a study leaves none of its own."""
-    path = kept / MANIFEST
-    command = f"python .ci/reference.py {reference.name}"
-    if not path.is_file():
-        write_manifest(path, RunFacts(COMPLETE, command, 0, 0))
+    """Let the manifest name the one command that makes this."""
+    path, command = kept / MANIFEST, f"python .ci/reference.py {reference.name}"
     manifest = json.loads(path.read_text(encoding="utf-8"))
     # The sources were found unchanged; other references that wait to be committed are no change of theirs.
     manifest.setdefault("machine", {})["kind"] = processor_kind()

@@ -195,3 +195,6 @@ def test_a_table_of_which_some_runs_are_made_again_and_the_same_is_of_the_presen
     assert not confirm(two_runs, tree, runs(80.0, 0.0))
     assert not stale_parts(two_runs, tree)
     assert json.loads(manifest.read_text())["confirmed"]["runs_made_again"] == 1
+    git(tree, "commit", "-aqm", "3")
+    make_reference(two_runs, tree, runs(80.0, 90.0))
+    assert "confirmed" not in json.loads(manifest.read_text()), "it is made of the present code itself"
