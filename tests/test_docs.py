@@ -6,6 +6,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -64,6 +65,19 @@ def test_a_table_of_results_holds_the_figures_of_its_reference(page):
                 key = re.search(r"<!-- (.*) -->", tracker)[1]
                 expected = [mean for (row, _, heading), mean in reference.items() if (row, heading) == (key, column)]
                 assert [float(part) for part in cell.split("/")] == expected, (label, tracker)
+
+
+def test_what_the_page_of_results_says_of_worlds_is_what_their_runs_give():
+    runs = pd.read_parquet(ROOT / "results" / "reference" / "worlds" / "runs.parquet")
+    hota = runs.pivot_table("mot.hota", ["mismatch", "density"], "variant")
+    lead = (hota["mmpf"] - hota[["pmbm", "pmbm-doubting"]].max(axis=1)).round(1)
+    halved, doubled = (hota[f"mmpf-{each}"] - hota["mmpf"] for each in ("halved", "doubled"))
+    behind, ahead = lead["posts"], lead[lead > 0.0]
+    assert ([*lead.index[lead == 0.0]], len(ahead)) == ([("5-hz", 45.0)], len(lead) - 3)
+    text = " ".join((DOCS / "results" / "index.md").read_text(encoding="utf-8").split())
+    assert f"with posts (by {-behind[20.0]} at density 20 and {-behind[45.0]} at 45), and the same at 5 Hz" in text
+    assert f"by {ahead.min()} to {ahead.max()} points. Halving" in text
+    assert f"up to {-halved.min():.1f} points. Doubling them gains up to {doubled.max():.1f} and costs up to" in text
 
 
 def cells(line: str) -> list[str]:
