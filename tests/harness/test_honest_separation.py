@@ -21,10 +21,10 @@ pytestmark = pytest.mark.usefixtures("read_here")
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Path:
-    """Record 2.5 s of traffic on three lanes, in which cars hide each other, under two egos."""
+    """Record 1.8 s of traffic on three lanes, in which cars hide each other, under two egos."""
     config = resolve_run_config(options={"tracker": "tests.harness.stand_ins:echo_tracker", "seed": 4})
     out = tmp_path_factory.mktemp("separation") / "recording"
-    return run(config, out=out, open_snapshots=observing(SteadyTraffic(steps=25, ego_stay=15))).folder
+    return run(config, out=out, open_snapshots=observing(SteadyTraffic(steps=18, ego_stay=10))).folder
 
 
 @pytest.fixture(scope="module")
