@@ -83,7 +83,7 @@ def particles_figure(result: StudyResult, occlusion: str) -> Figure:
 
 
 def error_charts(result: StudyResult, occlusion: str) -> Charts:
-    """Return the mean absolute error over time after the paper's figures 4 and 7, with 95 % intervals over cases."""
+    """Return the mean absolute error over time after the paper's figures 4 and 7, some with 95 % intervals."""
     lines = tuple((model, COLOURS.get(model, "#332288")) for model in result.models())
     charts = []
     for quantity, label in ERROR_PANELS[result.study]:
@@ -92,7 +92,7 @@ def error_charts(result: StudyResult, occlusion: str) -> Charts:
         tooltip = (("series", "model"), ("place", "time, s"), ("mean", title))
         charts.append(curves(title, f"{title}, over time, by model", "time, s", rows, lines, tooltip))
     cases = next(iter(result.scores.values())).crps_m.shape[1]
-    return Charts(tuple(charts), lines, f"Means of {cases} cases with 95 % intervals.")
+    return Charts(tuple(charts), lines, f"Means of {cases} cases; 95 % intervals of {', '.join(SHOWN[result.study])}.")
 
 
 def _particles(axis: Axes, result: StudyResult, occlusion: str, model: str, panel: tuple[int, int, str]) -> None:
@@ -130,6 +130,6 @@ def _reference(result: StudyResult, row: int) -> FloatArray:
 def _errors(result: StudyResult, occlusion: str, model: str, quantity: str) -> Iterator[dict[str, Any]]:
     error = result.scores[occlusion, model].abs_error[quantity]
     for step in np.unique(np.append(np.arange(0, len(error), ERRORS_EVERY), len(error) - 1)):
-        interval = asdict(independent_ci(error[step], np.random.default_rng(0)))
-        mean = float(error[step].mean())
-        yield {"series": model, "place": float((step + 1) * STEP_S), "mean": mean} | interval
+        shown = model in SHOWN[result.study]  # bands of all models would hide each other
+        band = asdict(independent_ci(error[step], np.random.default_rng(0))) if shown else {"low": None, "high": None}
+        yield {"series": model, "place": float((step + 1) * STEP_S), "mean": float(error[step].mean())} | band
