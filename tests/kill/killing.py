@@ -85,8 +85,8 @@ def kill_often(
     draw = random.Random(seed)
     with cluster(folder) if dask else nullcontext() as scheduler:
         makers: list[Callable[[], _Killed]] = [
-            lambda: _KilledGrid(folder, "stress", (*STRESS, *WORKERS)),
             lambda: _KilledRun(folder, "run", RUN),
+            lambda: _KilledGrid(folder, "stress", (*STRESS, *WORKERS)),
             lambda: _KilledGrid(folder, "drive", (*DRIVE, *WORKERS)),
             lambda: _KilledRun(folder, "score", score_of(folder / "whole-run")),
         ]

@@ -9,5 +9,5 @@ from tests.kill.killing import kill_often
 
 @pytest.mark.slow
 def test_a_kill_loses_nothing_that_was_finished_and_what_is_taken_up_ends_as_if_it_never_was(tmp_path):
-    kills = kill_often(1, 7, tmp_path)
+    kills = kill_often(2, 7, tmp_path)
     assert not [kill.as_line() for kill in kills if kill.faults]
