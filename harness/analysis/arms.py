@@ -57,8 +57,7 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
     Nothing is concluded where b lacks more than a tolerated share of a's values.
     """
     there, layout = (np.isfinite(arms.a), np.isfinite(arms.b)), arms.layout
-    both = there[0] & there[1] if layout.paired else None
-    known_a, known_b = there if both is None else (both, both)
+    known_a, known_b = (there[0] & there[1],) * 2 if layout.paired else there
     a, b = arms.a[known_a], arms.b[known_b]
     totals = () if arms.totals is None else (arms.totals[0][known_a], arms.totals[1][known_b])
     if totals and all(total.sum() > 0.0 for total in totals):  # older rows lack the totals

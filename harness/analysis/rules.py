@@ -27,6 +27,7 @@ IN_WORDS = {"mae.hidden.lon_m": {"label": "MAE hidden while followed, m"}}
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ratio", decimals=1)
 TOLERANCE, TIME_TOLERANCE = 0.02, 0.25
 MOST_TOLERANCE, MOST_TIME_TOLERANCE = 1.0, 100.0
+PARAMETER = "gate"
 
 
 class Limit(BaseModel):
@@ -135,16 +136,13 @@ def name_of(metric: str) -> str:
     return label.rpartition(",")[0] or label
 
 
-PARAMETER = "gate"
-
-
 class Gate(BaseModel):
     """The requirements of a gate; without metrics the default ones are judged."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    tolerance: float = Field(default=TOLERANCE, ge=0.0, le=1.0)
-    time_tolerance: float = Field(default=TIME_TOLERANCE, ge=0.0, le=100.0)
+    tolerance: float = Field(default=TOLERANCE, ge=0.0, le=MOST_TOLERANCE)
+    time_tolerance: float = Field(default=TIME_TOLERANCE, ge=0.0, le=MOST_TIME_TOLERANCE)
     allow_undecided: bool = False
     metrics: dict[str, Limit] = Field(default_factory=dict)
 

@@ -23,8 +23,9 @@ FATES = ("none", "lost", "displaced", "hijacked", "ghost")
 
 # Columns that say which cell of a grid a row is of.
 NET, DENSITY, DEMAND, SEED, RECORDING, MISMATCH = "net", "density", "demand", "seed", "replay", "mismatch"
-MODEL_FILE, AS_IS = "model_file", "as is"
-"""The latter is the world of a column ``mismatch`` that nothing alters."""
+MODEL_FILE = "model_file"
+AS_IS = "as is"
+"""The world of a column ``mismatch`` that nothing alters."""
 
 DENSITY_RANGE = (5.0, 65.0)
 """Lowest and highest density that may be asked for, vehicles per kilometre and lane."""
