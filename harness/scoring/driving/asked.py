@@ -11,7 +11,8 @@ from harness.decisions.bodies import Bodies, Egos
 from harness.decisions.decide import Decision, decide
 from harness.decisions.drivers.protocol import Driver
 from harness.scoring.driving.believed import egos_of, tracked_bodies, true_bodies
-from harness.scoring.evidence.history import first_of_group
+from harness.scoring.evidence.history import first_of_group, last_row_where
+from harness.scoring.evidence.plain_view import durations
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.rules import DRIVER_EXISTENCE, TIME_TOLERANCE_S
 from mmpf.map.road import Road
@@ -91,10 +92,5 @@ def ask(
 
 def _times(rows: RunRows) -> tuple[FloatArray, FloatArray]:
     """Return the time that each step stands for and the time since its episode began, both of shape (steps,)."""
-    count = len(rows.time_s)
-    first = first_of_group(rows.episode)
-    begins = np.maximum.accumulate(np.where(first, np.arange(count), 0)) if count else np.zeros(0, dtype=np.int64)
-    lasts = np.append(np.diff(rows.time_s), np.nan)
-    usual = float(np.nanmedian(np.where(np.append(first[1:], True), np.nan, lasts))) if count > 1 else 0.1
-    lasts[np.append(first[1:], True)[:count]] = usual
-    return lasts[:count], rows.time_s - rows.time_s[begins]
+    begins = last_row_where(first_of_group(rows.episode), rows.episode)
+    return durations(rows.time_s, rows.episode), rows.time_s - rows.time_s[begins]

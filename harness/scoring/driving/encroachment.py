@@ -40,9 +40,9 @@ def post_encroachment_times(egos: Egos, bodies: Bodies, rows: RunRows) -> FloatA
             if not own.comes_near(bodies.lon_m[row], bodies.lat_m[row]):
                 continue
             other = TimedPath(bodies.lon_m[row], bodies.lat_m[row], rows.time_s[bodies.step[row]])
-            time_s = _encounter(own, size, other, (float(bodies.length_m[row[0]]), float(bodies.width_m[row[0]])))
-            if time_s is not None:
-                found.append(time_s)
+            met = encounter(own, size, other, (float(bodies.length_m[row[0]]), float(bodies.width_m[row[0]])))
+            if met is not None:
+                found.append(met.time_s)
     return np.array(found)
 
 
@@ -85,13 +85,6 @@ class TimedPath:
         before = after - 1
         share = (along_m - self.along_m[before]) / (self.along_m[after] - self.along_m[before])
         return float(self.time_s[before] + share * (self.time_s[after] - self.time_s[before]))
-
-
-def _encounter(
-    own: TimedPath, size: tuple[float, float], other: TimedPath, others: tuple[float, float]
-) -> float | None:
-    found = encounter(own, size, other, others)
-    return None if found is None else found.time_s
 
 
 def encounter(

@@ -12,8 +12,8 @@ import numpy as np
 
 from harness.scoring.driving.collision_time import time_to_collision
 from harness.scoring.driving.withheld import WithheldAhead
-from harness.scoring.evidence.rules import BRAKES_MPS2, DECISION_S, ROLLS_MPS2, TIME_TOLERANCE_S
-from harness.scoring.evidence.stretches import missed_stretches, stretches
+from harness.scoring.evidence.rules import BRAKES_MPS2, ROLLS_MPS2
+from harness.scoring.evidence.stretches import lasting_stretches, missed_stretches, stretches
 from harness.scoring.metrics.conflicts import HARD_DRAC_MPS2, SHORT_TTC_S, deceleration_to_avoid
 from harness.scoring.metrics.quantity import Quantity
 from mmpf.numerics.arrays import BoolArray, FloatArray
@@ -151,15 +151,15 @@ def score_drive(driven: DriveRecord, ended: str, contact: Contact | None) -> dic
     km = float(0.5 * (driven.speed_mps[1:] + driven.speed_mps[:-1]).sum()) * step_s / 1e3
     ttc = time_to_collision(driven.gap_m, driven.speed_mps, driven.leader_mps)
     drac = deceleration_to_avoid(driven.gap_m, driven.speed_mps, driven.leader_mps)
-    hard = _times(accel < HARD_BRAKE_MPS2, 0.0, step_s)
+    no_episodes, each_s = np.zeros(len(ttc), dtype=np.int64), np.full(len(ttc), step_s)
+    hard = len(stretches(accel < HARD_BRAKE_MPS2, no_episodes[1:])[0])
     needed, demanded = driven.needed_mps2, driven.demanded_mps2
     fails = (needed <= BRAKES_MPS2) & (demanded > ROLLS_MPS2)
     makes_up = (demanded <= BRAKES_MPS2) & (needed > ROLLS_MPS2)
-    phantom = _times(makes_up, DECISION_S, step_s)
+    phantom = len(lasting_stretches(makes_up, no_episodes, each_s)[0])
     withheld = np.zeros(len(needed), dtype=bool) if driven.withheld is None else driven.withheld
     unbraked = WithheldAhead(withheld, withheld, ttc).misses(needed, demanded)
-    no_episodes = np.zeros(len(needed), dtype=np.int64)
-    begins, ends = missed_stretches(fails, unbraked, no_episodes, np.full(len(needed), step_s))
+    begins, ends = missed_stretches(fails, unbraked, no_episodes, each_s)
     missed = len(begins)
     of_withheld = sum(bool(unbraked[a : b + 1].any()) for a, b in zip(begins, ends, strict=True))
     return {
@@ -183,12 +183,6 @@ def score_drive(driven: DriveRecord, ended: str, contact: Contact | None) -> dic
         "mean_speed_mps": 1e3 * km / drives_s,
         "jerk_mps3": float(np.sqrt((jerk**2).mean())) if len(jerk) else None,
     }
-
-
-def _times(holds: BoolArray, lasting_s: float, step_s: float) -> int:
-    """Return how many unbroken stretches of at least a time there are."""
-    first, last = stretches(holds, np.zeros(len(holds), dtype=np.int64))
-    return int(((last - first + 1) * step_s >= lasting_s - TIME_TOLERANCE_S).sum())
 
 
 def _per(count: int, km: float) -> float | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from harness.scoring.evidence.errors import HIJACKED, LOST, TRACKED, UNTRACKED
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import of_whole
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN, OUTCOMES
 from mmpf.numerics.arrays import IntArray
@@ -40,14 +40,10 @@ def hidden_outcomes(counts: IntArray) -> dict[str, float]:
         (``untracked``).
     """
     n = int(counts.sum())
-
-    def percent(code: int) -> float:
-        return 100.0 * (int(counts[code]) / n) if n else np.nan
-
     return {
         "n": n,
-        "tracked_percent": percent(TRACKED),
-        "lost_percent": percent(LOST),
-        "hijacked_percent": percent(HIJACKED),
-        "untracked_percent": percent(UNTRACKED),
+        "tracked_percent": 100.0 * ratio(counts[TRACKED], n),
+        "lost_percent": 100.0 * ratio(counts[LOST], n),
+        "hijacked_percent": 100.0 * ratio(counts[HIJACKED], n),
+        "untracked_percent": 100.0 * ratio(counts[UNTRACKED], n),
     }

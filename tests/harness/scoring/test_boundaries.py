@@ -9,7 +9,7 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.scoring.driving.asked import _times
-from harness.scoring.driving.encroachment import TimedPath, _encounter, _first_crossing, _pieces
+from harness.scoring.driving.encroachment import TimedPath, _first_crossing, _pieces, encounter
 from harness.scoring.evidence.assignment import best_assignment, components
 from harness.scoring.evidence.directions import nearest_row
 from harness.scoring.evidence.events import _track_ids, row_after
@@ -169,14 +169,15 @@ def test_an_encounter_that_the_record_does_not_hold_whole_is_none():
 
     def time_to(begin: int, end: int, begin_s: float) -> float | None:
         other = path(*[(14.0, 4.0 * k) for k in range(begin, end)], begin_s=begin_s)
-        return _encounter(own, (4.0, 2.0), other, (4.0, 2.0))
+        met = encounter(own, (4.0, 2.0), other, (4.0, 2.0))
+        return met and met.time_s
 
     # Both cover the crossing from 3 m before to 3 m behind it: the ego from 2.75 to 4.25 s.
     assert time_to(-3, 4, 3.0) == pytest.approx((6.0 - 0.75) - 4.25)
     assert time_to(-3, 4, -3.0) == pytest.approx(2.75 - 0.75)
     assert time_to(-3, 1, 3.0) is None
     assert time_to(0, 4, 3.0) is None
-    assert _encounter(own, (4.0, 2.0), path((500.0, 0.0), (500.0, 4.0)), (4.0, 2.0)) is None
+    assert encounter(own, (4.0, 2.0), path((500.0, 0.0), (500.0, 4.0)), (4.0, 2.0)) is None
 
 
 class Truth(SimpleNamespace):
