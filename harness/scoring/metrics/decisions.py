@@ -36,7 +36,7 @@ QUANTITIES = (
     ),
     Quantity(
         "decisions.lateness_s", "lateness of braking, s",
-        decimals=2, heading="lateness s", weight="decisions.onsets", least=-np.inf,
+        decimals=2, heading="lateness s", weight="decisions.onsets",
     ),
     Quantity(
         "decisions.collision_time_error_s", "error of time to collision below 4 s, s",

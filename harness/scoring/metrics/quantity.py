@@ -17,6 +17,9 @@ OF_SOME_RUNS = frozenset(
 )
 """Metrics that need a map, real detections, a driver or expectations, and those that older runs lack."""
 
+MOST = {"%": 100.0, "percentage points": 100.0, "°": 180.0, "Brier score": 1.0}
+"""The largest value of a quantity whose label ends so; a heading error is 180 degrees at most."""
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -51,8 +54,8 @@ class Quantity:
 
     @property
     def most(self) -> float:
-        """The largest value that it can have: 100 of percentages."""
-        return 100.0 if self.label.endswith("%") else math.inf
+        """The largest value that it can have, which its label's unit tells."""
+        return next((most for unit, most in MOST.items() if self.label.endswith(unit)), math.inf)
 
     @property
     def possible(self) -> Possible:

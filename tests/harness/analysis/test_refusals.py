@@ -95,11 +95,11 @@ def test_the_table_for_programs_has_causes_and_no_nan():
 
 
 def rows(labels=("mmpf cvm",), seeds=range(4), density=20.0, **columns) -> pd.DataFrame:
-    """Return rows in which every metric is 1 and a little of the seed, unless given."""
+    """Return rows in which every metric is one half and a little of the seed, unless given."""
     metrics = {quantity.key: [] for quantity in compared_quantities()}
     made = [
         {"net": "us101", "density": density, "demand": None, "seed": seed, "label": label}
-        | dict.fromkeys(metrics, 1.0 + 0.01 * seed) | {STEP_TIME.key: 5.0} | columns
+        | dict.fromkeys(metrics, 0.5 + 0.01 * seed) | {STEP_TIME.key: 5.0} | columns
         for label in labels for seed in seeds
     ]  # fmt: skip
     return pd.DataFrame(made)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from harness.analysis import coasting_ratio
+from harness.common.intervals import possible_ci
+from harness.scoring.metrics import closedloop
 from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import quantities
 
 METRICS = {"mae": {"hidden": {"lon_m": 2, "n": None}, "text": "x"}, "flat": 1.5}
 
@@ -24,3 +29,20 @@ def test_a_quantity_is_a_number_or_none(key, value):
     found = Quantity(key, "a label").of(METRICS)
     assert found == value
     assert found is None or isinstance(found, float)
+
+
+SIGNED = ("mot.mota", "never_seen.log_skill_percent")  # below 0 where errors outweigh what is right
+MOST = {", %": 100.0, ", percentage points": 100.0, ", °": 180.0, "Brier score": 1.0}
+
+
+@pytest.mark.parametrize(
+    "quantity", [*quantities(), *coasting_ratio.QUANTITIES, *closedloop.QUANTITIES], ids=lambda each: each.key
+)
+def test_an_interval_holds_only_values_that_its_unit_can_have(quantity):
+    least = -np.inf if quantity.key in SIGNED else 0.0
+    (most,) = [most for unit, most in MOST.items() if quantity.label.endswith(unit)] or [np.inf]
+    assert (quantity.possible.least, quantity.possible.most) == (least, most)
+    for values in ([0.0, 0.0, 1.0], [0.0, most, most]):
+        if np.isfinite(values).all():
+            interval = possible_ci(np.array(values), np.ones(3), quantity.possible)
+            assert least <= interval.low < interval.high <= most
