@@ -144,7 +144,7 @@ def _files(done: pd.DataFrame) -> list[FileCount]:
 
 def _mean(label: str, quantity: Quantity, runs: pd.DataFrame) -> Mean:
     sums, counts = summed_by(RECORDING, runs, *sums_and_weights(runs, quantity))
-    return Mean(label, pooled_name(quantity), *ratio_of(sums, counts, quantity.possible), int(counts.sum()))
+    return Mean(label, pooled_name(quantity), *ratio_of(sums, counts, quantity.possible), round(float(counts.sum())))
 
 
 def _hidden_errors(label: str, runs: pd.DataFrame) -> list[HiddenError]:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from harness.scoring.evidence.assignment import best_assignment
 from harness.scoring.evidence.pairs import GATE_SIMILARITY
+from harness.scoring.evidence.plain_view import durations
+from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.sequence import MotSequence
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.clear import ClearScores, clear
 from harness.scoring.metrics.hota import HotaPart, measure_hota
-from harness.scoring.metrics.parts import ROWS, of_whole
+from harness.scoring.metrics.parts import of_whole, ratio
 from harness.scoring.metrics.quantity import Quantity
-from mmpf.numerics.arrays import FloatArray
 
-STEPS_A_MINUTE = 600.0  # of 0.1 s; id_switches_per_vehicle_minute holds for steps of any length
 HOTA, IDF1, SWITCHES, TRUTH_N = "mot.hota", "mot.idf1", "mot.id_switches", "mot.truth_n"
 IN_SIGHT = (
     Quantity(HOTA, "HOTA in sight, %", True, heading="HOTA %"),
@@ -24,7 +24,7 @@ IN_SIGHT = (
     Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", least=-np.inf),
     Quantity(
         SWITCHES, "identity switches a vehicle-minute",
-        decimals=3, heading="switches", weight=TRUTH_N, scale=STEPS_A_MINUTE, is_counted=True,
+        decimals=3, heading="switches", weight="mot.truth_s", scale=60.0, is_counted=True,
     ),
     Quantity("mot.missed", "vehicle-steps missed in sight", decimals=0, heading="missed"),
     Quantity("mot.false_tracks", "false track-steps in sight", decimals=0, heading="false"),
@@ -38,27 +38,29 @@ REMEMBERED = (
 
 @dataclass(frozen=True)
 class MotPart:
-    """What the scores count in a stretch, whose steps are at the times ``time_s``, shape (steps,)."""
+    """What the scores count in a stretch of ``steps`` steps; its vehicle-steps stand for ``truth_s`` seconds."""
 
     accuracy: HotaPart
     events: ClearScores
     identity: tuple[int, int]
-    time_s: FloatArray = field(metadata=ROWS)
+    steps: int
+    truth_s: float
 
 
 def measure_in_sight(evidence: Evidence) -> MotPart:
     """Count over the vehicles of a stretch that are in sight."""
-    return measure_sequence(evidence.in_sight, evidence.rows.time_s)
+    return measure_sequence(evidence.in_sight, evidence.rows)
 
 
 def measure_remembered(evidence: Evidence) -> MotPart:
     """Count over the vehicles of a stretch that were detected within the memory."""
-    return measure_sequence(evidence.remembered, evidence.rows.time_s)
+    return measure_sequence(evidence.remembered, evidence.rows)
 
 
-def measure_sequence(sequence: MotSequence, time_s: FloatArray) -> MotPart:
-    """Count in a sequence whose steps are at the given times, shape (steps,)."""
-    return MotPart(measure_hota(sequence), clear(sequence), measure_identity(sequence), time_s)
+def measure_sequence(sequence: MotSequence, rows: RunRows) -> MotPart:
+    """Count in a sequence of a stretch's rows."""
+    truth_s = float(durations(rows.time_s, rows.episode)[sequence.truth_step].sum())
+    return MotPart(measure_hota(sequence), clear(sequence), measure_identity(sequence), sequence.steps, truth_s)
 
 
 @of_whole
@@ -69,12 +71,12 @@ def multi_object_scores(part: MotPart) -> dict[str, float]:
         ``hota`` with its halves ``deta`` and ``assa``, ``idf1`` and ``mota`` in percent, nan without truth;
         ``id_switches``, ``fragmentations`` (times that a vehicle's tracking stopped and went on, be it because the
         vehicle left the set), ``missed`` and ``false_tracks`` as counts of CLEAR, the last also per step; identity
-        switches per minute of a vehicle in the set; vehicle-steps ``truth_n`` and track-steps ``tracks_n``.
+        switches per minute of a vehicle in the set; vehicle-steps ``truth_n``, which stand for ``truth_s`` seconds,
+        and track-steps ``tracks_n``.
     """
-    time_s, truths, events = part.time_s, part.accuracy.truths, part.events
+    truths, events = part.accuracy.truths, part.events
     percent = 100.0 if truths else np.nan
     accuracy = part.accuracy.scores()
-    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.nan
     return {
         "hota": percent * accuracy.hota,
         "deta": percent * accuracy.deta,
@@ -85,9 +87,10 @@ def multi_object_scores(part: MotPart) -> dict[str, float]:
         "fragmentations": events.fragmentations,
         "missed": events.missed,
         "false_tracks": events.false_tracks,
-        "false_tracks_per_scan": events.false_tracks / len(time_s) if len(time_s) else np.nan,
-        "id_switches_per_vehicle_minute": events.id_switches / (truths * step_s / 60.0) if truths else np.nan,
+        "false_tracks_per_scan": ratio(events.false_tracks, part.steps),
+        "id_switches_per_vehicle_minute": ratio(60.0 * events.id_switches, part.truth_s),
         "truth_n": truths,
+        "truth_s": part.truth_s,
         "tracks_n": part.accuracy.tracks,
     }
 

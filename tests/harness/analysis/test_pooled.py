@@ -20,6 +20,7 @@ from harness.storage.grid_folder import RUNS
 from harness.storage.grid_rows import flattened
 from mmpf.numerics.arrays import BoolArray
 from tests.harness.grid.executors import ECHO, InProcess
+from tests.harness.scoring.scenes import Scene, score_run
 from tests.harness.truth.recorded.layouts import write_commonroad, write_ngsim_csv
 
 
@@ -55,12 +56,20 @@ def test_scores_are_weighted_by_the_samples_of_each_file():
     assert hota.ci95[1] > 90.0
 
 
-def test_identity_switches_are_summed_and_told_per_vehicle_minute():
-    """600 vehicle-steps of a tenth of a second are a vehicle-minute."""
-    table = pd.DataFrame([row("a", switches=2, hota=(80.0, 600)), row("b", switches=1, hota=(80.0, 1200))])
-    pooled = pool_files(table)
-    assert pooled.id_switches == {"mmpf": 3}
-    assert mean_of(pooled, "id_switches_per_vehicle_minute").mean == pytest.approx(1.0)
+@pytest.mark.parametrize("every", [1, 2, 5], ids=["10 Hz", "5 Hz", "2 Hz"])
+def test_identity_switches_a_vehicle_minute_do_not_depend_on_the_rate_of_scans(every):
+    scene = Scene(600).vehicle("a", lon=20.0, detected=True)
+    for track in range(4):
+        scene.track(track, lon=20.0, at=range(150 * track, 150 * track + 150))
+    first = [table[table["step"] % every == 0] for table in scene.tables()]
+    scores = flattened(score_run(*(table.assign(step=table["step"] // every) for table in first)).metrics)
+    pooled = pool_files(pd.DataFrame([row(name) | scores for name in "ab"]))
+    assert pooled.id_switches == {"mmpf": 6}
+    switches = mean_of(pooled, "id_switches_per_vehicle_minute")
+    # It is in sight for the minute but for the two scans before its third detection.
+    assert switches.mean == pytest.approx(3.0 / (1.0 - 2.0 * 0.1 * every / 60.0))
+    assert scores["mot.id_switches_per_vehicle_minute"] == pytest.approx(switches.mean)
+    assert scores["mot_all.id_switches_per_vehicle_minute"] == pytest.approx(3.0)
 
 
 def test_the_ratio_to_coasting_is_that_of_all_errors_together():
