@@ -169,7 +169,6 @@ class JointUpdate:
         posterior, weight, effective_share = self._resample(weighed, was_hit, rng)
         return Updated(
             mixture=posterior,
-            was_hit=was_hit,
             birth_claim=marginals.unexplained,
             association_entropy=mean_entropy(marginals.probability),
             effective_share=effective_share,

@@ -124,7 +124,6 @@ class MaxLikelihoodUpdate:
         votes = np.bincount(chosen[chosen >= 0], minlength=len(detections)) / self.options.particles
         return Updated(
             mixture=posterior,
-            was_hit=was_hit,
             birth_claim=1.0 - np.minimum(votes, 1.0),
             association_entropy=0.0,
             effective_share=float(effective_size.mean() / self.options.particles) if len(prior) else 1.0,

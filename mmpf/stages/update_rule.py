@@ -63,7 +63,6 @@ class Updated:
     """The belief after the measurement update, with what later stages need of it.
 
     Attributes:
-        was_hit: Components that the scan confirmed, shape (m,).
         birth_claim: How strongly each detection asks for a new component, 0 to 1, shape (d,).
         association_entropy: Mean entropy of the components' association, nats; 0 where each detection is clearly one
             component's.
@@ -74,7 +73,6 @@ class Updated:
     """
 
     mixture: Mixture
-    was_hit: BoolArray
     birth_claim: FloatArray
     association_entropy: float
     effective_share: float

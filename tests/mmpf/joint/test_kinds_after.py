@@ -104,10 +104,8 @@ def test_existence_and_kind_are_those_of_all_cases_enumerated(
     found = source(kinds=prior, existence=np.array([existence]))
     for claimed, in_shadow, run, dt_s in scans:
         there, survival = np.zeros(SHAPE), np.exp(-joint.existence.death_rate_per_s * dt_s)
-        ends, forgotten = (
-            1.0 - np.exp(-dt_s / joint.false_objects.life_s),
-            1.0 - np.exp(-dt_s / joint.vehicles.shading_s),
-        )
+        ends = 1.0 - np.exp(-dt_s / joint.false_objects.life_s)
+        forgotten = 1.0 - np.exp(-dt_s / joint.vehicles.shading_s)
         nobody += (1.0 - survival) * alive[VEHICLE].sum()
         for kind, shading, level in product(range(KINDS), range(len(SHADING)), range(LEVELS)):
             weight = alive[kind, shading, level]

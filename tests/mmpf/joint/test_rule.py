@@ -90,7 +90,7 @@ def test_a_missed_component_exists_as_probably_as_the_two_hypotheses_say(existen
     after = updated(rule_with(existence=IMMORTAL, association=ALONE), prior, every, [])
     expected = existence * (1.0 - detected) / (1.0 - existence * detected)
     assert after.mixture.components.existence == pytest.approx([expected])
-    assert after.was_hit.tolist() == [False]
+    assert after.mixture.components.hits.tolist() == [1]
 
 
 @pytest.mark.parametrize("away_m", [0.4, 1.6, 2.2, 2.5])
@@ -111,7 +111,7 @@ def test_one_detection_raises_existence_as_much_as_its_three_explanations_say(aw
     total = its_own + exists_unseen + exists_not
     assert after.mixture.components.existence == pytest.approx([min((its_own + exists_unseen) / total, LARGEST)])
     assert after.birth_claim == pytest.approx([(exists_unseen + exists_not) / total])
-    assert after.was_hit.tolist() == [its_own / total > 0.5]
+    assert after.mixture.components.hits.tolist() == [1 + (its_own / total > 0.5)]
 
 
 def test_two_components_and_two_detections_exist_nearly_as_by_enumeration() -> None:
@@ -247,10 +247,8 @@ def test_a_run_lasts_on_for_longer_the_longer_it_has_lasted() -> None:
 
 
 def changed(mixture: Mixture, situation: Situation, claims: list[float], **groups: dict[str, object]) -> Mixture:
-    nobody_hit = np.zeros(len(mixture), dtype=np.bool_)
-    change = rule_with(**groups).remove_add_merge(
-        Updated(mixture, nobody_hit, np.array(claims), 0.0, 1.0), situation, np.random.default_rng(0)
-    )
+    updated = Updated(mixture, np.array(claims), 0.0, 1.0)
+    change = rule_with(**groups).remove_add_merge(updated, situation, np.random.default_rng(0))
     anew = component_moments(change.mixture)
     assert (change.moments.mean == anew.mean).all()
     assert (change.moments.variance == anew.variance).all()

@@ -42,7 +42,7 @@ def test_a_standing_box_that_flashes_among_traffic_is_never_confirmed(seed: int)
 @pytest.mark.parametrize("dt_s", [0.05, 0.1, 0.5])
 def test_clutter_is_counted_as_it_comes_over_about_the_memory(dt_s: float) -> None:
     rule, situation, rng = rule_with(), replace(situation_with([]), dt_s=dt_s), np.random.default_rng(0)
-    told = Updated(belief_of([]), np.zeros(0, dtype=np.bool_), np.zeros(0), 0.0, 1.0, false_detections=6.0)
+    told = Updated(belief_of([]), np.zeros(0), 0.0, 1.0, false_detections=6.0)
     for _ in range(round(10.0 / dt_s)):
         rule.remove_add_merge(told, situation, rng)
     assert rule.known.sensor.clutter_per_scan == pytest.approx(6.0 + (1.0 - 6.0) * np.exp(-1.0), rel=1e-3)

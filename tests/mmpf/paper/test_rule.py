@@ -32,7 +32,7 @@ def rule_with(settings: dict[str, object]) -> MaxLikelihoodUpdate:
 
 
 def after_merging(rule: MaxLikelihoodUpdate, belief: Mixture) -> Mixture:
-    updated = Updated(belief, np.zeros(len(belief), dtype=np.bool_), np.zeros(0), 0.0, 1.0)
+    updated = Updated(belief, np.zeros(0), 0.0, 1.0)
     return rule.remove_add_merge(updated, situation_with([]), np.random.default_rng(0)).mixture
 
 
