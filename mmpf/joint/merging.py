@@ -108,6 +108,7 @@ def with_known_vehicles(
     With h and k the probabilities that heir and known component are vehicles, the heir becomes a vehicle with the
     probability 1 - (1 - h) (1 - same k): by its own detections, or because it is the known vehicle, whose detectability
     then holds for it. Its own detections alone would leave it in doubt, since few vehicles first appear in plain view.
+    What else the heir may be, such as a false object that has ended, it is with its probability times 1 - same k.
     The probability that it is not the known vehicle, 1 - same h, is kept as that of a mistake (``with_mistakes``).
 
     Args:
@@ -119,9 +120,11 @@ def with_known_vehicles(
     """
     hidden, offset = moments.take(known), moments.mean[PLACED][:, heirs] - moments.mean[PLACED][:, known]
     components = with_mistakes(components, heirs, 1.0 - same * components.vehicle[heirs], offset, hidden)
-    kinds, existence = components.kinds.copy(), components.existence.copy()
+    kinds, existence, ended = components.kinds.copy(), components.existence.copy(), components.ended.copy()
     vehicles = (same * existence[known])[:, None, None] * kinds[known, VEHICLE]
-    alive = ((1.0 - vehicles.sum(axis=(1, 2))) * existence[heirs])[:, None, None, None] * kinds[heirs]
+    another = 1.0 - vehicles.sum(axis=(1, 2))
+    alive = (another * existence[heirs])[:, None, None, None] * kinds[heirs]
     alive[:, VEHICLE] += vehicles
     kinds[heirs], existence[heirs] = normalised(alive), alive.sum(axis=(1, 2, 3))
-    return replace(components, kinds=kinds, existence=existence)
+    ended[heirs] *= another[:, None, None]
+    return replace(components, kinds=kinds, existence=existence, ended=ended)

@@ -13,7 +13,7 @@ from scipy.stats import norm
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.joint.identity import KERNEL_WIDTHS, hand_over_identity
-from mmpf.joint.kinds import STANDING, certain_vehicles
+from mmpf.joint.kinds import LEVELS, STANDING, certain_vehicles
 from mmpf.motion.state import LON
 from mmpf.options.joint import JointIdentity
 from tests.mmpf.scenes import belief_of, spot
@@ -130,11 +130,14 @@ def test_one_seen_again_is_a_vehicle_unless_neither_it_nor_the_hidden_one_that_i
     mixture = hidden_and_new(apart_m, existence=0.9)
     kinds = certain_vehicles(2) * np.array([0.8, 0.3])[:, None, None, None]
     kinds[:, STANDING, 0, 0] = 0.2, 0.7
-    after, _ = handed_over(replace(mixture, components=replace(mixture.components, kinds=kinds)), [False, True])
+    components = replace(mixture.components, kinds=kinds, ended=np.full((2, 2, LEVELS), 0.05 / (2 * LEVELS)))
+    after, _ = handed_over(replace(mixture, components=components), [False, True])
     widths = np.array(KERNEL_WIDTHS)
     density = 0.9 * norm.pdf([apart_m, 0.0, 0.0], scale=widths).prod()
     same = density / (density + OPTIONS.unknown_density)
     assert after.components.vehicle == pytest.approx([1.0 - (1.0 - 0.95 * 0.3) * (1.0 - same * 0.9 * 0.8)])
+    assert after.components.ended.sum() == pytest.approx((1.0 - same * 0.9 * 0.8) * 0.05)
+    assert after.components.existence + after.components.ended.sum() == pytest.approx([1.0])
     assert after.components.mistaken == pytest.approx([1.0 - same * 0.95 * 0.3])
     assert after.components.away_std == pytest.approx(np.array([[apart_m, 0.0, 0.0]]))
 
