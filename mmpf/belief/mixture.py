@@ -56,7 +56,7 @@ class ParticleCloud:
         return ParticleCloud(**(columns | {"component": component}))
 
 
-def is_longer(time_s: FloatArray, least_s: float) -> BoolArray:
+def is_longer(time_s: FloatArray, least_s: FloatArray | float) -> BoolArray:
     """Return which times reach a minimum, up to rounding."""
     return np.asarray(time_s > least_s - ROUNDING_S)
 

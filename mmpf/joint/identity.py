@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.special import expit
 
-from mmpf.belief.mixture import Mixture
+from mmpf.belief.mixture import Mixture, is_longer
 from mmpf.belief.moments import Moments
 from mmpf.belief.sizes import sizes_of, with_measured_sizes
 from mmpf.joint.merging import heads_the_same_way, with_known_vehicles
@@ -53,13 +53,13 @@ def hand_over_identity(
         The belief without the hidden components that were seen again.
     """
     components = sources_of(mixture)
-    is_hidden = components.confirmed & ~confirmed_now & (components.unseen_s >= 2.0 * scan_s)
+    is_hidden = components.confirmed & ~confirmed_now & is_longer(components.unseen_s, 2.0 * scan_s)
     old = np.flatnonzero(is_hidden | components.withdrawn)
     new = np.flatnonzero(confirmed_now)
     if len(old) == 0 or len(new) == 0:
         return Finetuned(mixture, moments=moments)
     density = _density_at(mixture, moments, new, old) * components.existence[old]
-    was_unseen_by_then = components.unseen_s[old][None, :] > components.age_s[new][:, None] - BOTH_SEEN_S
+    was_unseen_by_then = is_longer(components.unseen_s[old], components.age_s[new][:, None] - BOTH_SEEN_S)
     possible = was_unseen_by_then | components.withdrawn[old]
     possible &= heads_the_same_way(moments.heading_rad[new][:, None], moments.heading_rad[old])
     log_ratio = np.log(np.maximum(np.where(possible, density, 0.0), 1e-300) / options.unknown_density)
