@@ -152,7 +152,8 @@ class MixtureTracker:
         place = np.column_stack([known[[LON, LAT]], (scan.ego.lon_m, scan.ego.lat_m)])
         traffic = self._on_road.traffic(place, np.append(known[SPEED], scan.ego.speed_mps))
         plane = SensorPlane(scan.ego, self._road)
-        dt_s = scan.time_s - previous.time_s
+        # Times are known to the microsecond, so their differences are rounded to it.
+        dt_s = round(scan.time_s - previous.time_s, 6)
         return Situation(scan, self._sensor, self._motion, dt_s, traffic, plane)
 
     def _prior_update(self, situation: Situation, previous: Scan) -> Mixture:

@@ -200,6 +200,4 @@ def appearances_at(
     moving = in_view(SLOWEST_PASSING_MPS)
     standing = np.minimum(moving, in_view(max(abs(plane.ego.speed_mps), SLOWEST_PASSING_MPS)))
     seen = np.where(here < sensor.hidden_fraction, options.joint.detectability.hidden_probability, here)
-    # Times are known to the microsecond, so their differences are rounded to it.
-    scan_s = round(situation.dt_s, 6)
-    return Appearances(moving, standing, np.minimum(seen / sensor.full_view_fraction, 1.0), scan_s)
+    return Appearances(moving, standing, np.minimum(seen / sensor.full_view_fraction, 1.0), situation.dt_s)

@@ -209,8 +209,7 @@ class LaneFollowing:
         rng: np.random.Generator,
     ) -> None:
         """Look for a lane for those that are on none or far beside theirs; all is changed in place."""
-        # Times are known to the microsecond, so their differences are rounded to it.
-        share = 1.0 - (1.0 - LOOKS_AROUND) ** (round(dt_s, 6) / LOOK_S)
+        share = 1.0 - (1.0 - LOOKS_AROUND) ** (dt_s / LOOK_S)
         index = astray[rng.uniform(size=len(astray)) < share]
         if len(index) == 0:
             return

@@ -78,8 +78,7 @@ class FreeDriver:
         def variance_share(step_s: float) -> float:
             return 1.0 - (1.0 - min(max(self.lag_per_s, 1e-6) * step_s, 1.0)) ** 2
 
-        # Times are known to the microsecond, so their differences are rounded to it.
-        ratio = variance_share(round(dt_s, 6)) / variance_share(residual.FITTED_STEP_S)
+        ratio = variance_share(dt_s) / variance_share(residual.FITTED_STEP_S)
         noise_mps2 = self.accel_noise_mps2 * float(np.sqrt(ratio))
         approach = min(self.lag_per_s * dt_s, 1.0)
         return FreeDriving(approach, self.gain_per_s, noise_mps2, turning_driver().strongest_mps2)

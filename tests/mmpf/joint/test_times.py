@@ -35,5 +35,15 @@ def first_confirmed_s(dt_s: float) -> float:
     return np.inf
 
 
+@pytest.mark.parametrize("model", ["residual", "cvm"])
+def test_the_same_scans_later_give_the_same_tracks(model: str) -> None:
+    def tracks_from(begin_s: float) -> list[float]:
+        tracker = MixtureTracker(ROAD, SensorModel(), motion_models[model](), np.random.default_rng(0))
+        places = [[(20.0 + step, lane_centre(1)), (20.0, lane_centre(3))][: step + 1] for step in range(9)]
+        return [tracker.step(scan_of(begin_s + 0.1 * step, place)).lon_m.sum() for step, place in enumerate(places)]
+
+    assert tracks_from(0.0) == tracks_from(86_399.7)
+
+
 def test_a_new_car_is_reported_as_soon_at_five_scans_a_second_as_at_ten() -> None:
     assert first_confirmed_s(0.2) <= first_confirmed_s(0.1) + 0.2
