@@ -28,9 +28,8 @@ def kept(std_m: float) -> tuple[int, float]:
         confirmed = tracks.state == CONFIRMED
         names |= set(tracks.track_id[confirmed].tolist())
         if step >= 10:
-            apart = np.hypot(
-                tracks.lon_m[confirmed][:, None] - truth[:, 0], tracks.lat_m[confirmed][:, None] - truth[:, 1]
-            )
+            lon_m, lat_m = tracks.lon_m[confirmed][:, None], tracks.lat_m[confirmed][:, None]
+            apart = np.hypot(lon_m - truth[:, 0], lat_m - truth[:, 1])
             worst = max(worst, float(apart.min(axis=0).max()) if confirmed.any() else np.inf)
     return len(names), worst
 

@@ -29,9 +29,8 @@ def hidden_beside_seen(along_m: float, across_m: float, seen_is_confirmed: bool 
 
 def factors(mixture: Mixture, strength: float, is_seen: tuple[bool, bool] = (False, True)) -> FloatArray:
     far_ego = ego_at(lon_m=-500.0)
-    return room_beside_seen_vehicles(
-        mixture, component_moments(mixture), np.array(is_seen), SensorPlane(far_ego, ROAD), strength
-    )
+    plane = SensorPlane(far_ego, ROAD)
+    return room_beside_seen_vehicles(mixture, component_moments(mixture), np.array(is_seen), plane, strength)
 
 
 def test_far_from_every_seen_vehicle_nothing_is_lost() -> None:

@@ -47,9 +47,8 @@ def test_a_likelihood_is_a_normal_density_in_place_and_where_it_is_measured_in_s
 
 def test_correlated_noise_is_a_normal_density_of_both_places_together() -> None:
     states = [spread_around(30.0, 5.0, 300, 1), spread_around(33.0, 9.0, 200, 2)]
-    detections = replace(
-        detections_at([(31.0, 5.5), (29.0, 8.0)], std_lon_m=0.7, std_lat_m=0.5), correlation=np.array([0.8, -0.3])
-    )
+    uncorrelated = detections_at([(31.0, 5.5), (29.0, 8.0)], std_lon_m=0.7, std_lat_m=0.5)
+    detections = replace(uncorrelated, correlation=np.array([0.8, -0.3]))
     found = likelihoods_of(belief_of(states), detections, np.inf)
     for p, (m, j) in enumerate(zip(found.component, found.detection, strict=True)):
         off = states[m][[LON, LAT]].T - [detections.lon_m[j], detections.lat_m[j]]

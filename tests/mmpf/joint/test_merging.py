@@ -146,9 +146,8 @@ def test_two_stay_two(
 
 def confirmed_after_finetuning(mixture: Mixture) -> list[bool]:
     options = FilterOptions(particles=PARTICLES, joint=JointOptions(identity=JointIdentity(stitch=False)))
-    finetuned = JointUpdate(options, SensorModel()).finetune(
-        mixture, component_moments(mixture), situation_with([]), np.random.default_rng(0)
-    )
+    rule, moments = JointUpdate(options, SensorModel()), component_moments(mixture)
+    finetuned = rule.finetune(mixture, moments, situation_with([]), np.random.default_rng(0))
     return finetuned.mixture.components.confirmed.tolist()
 
 

@@ -65,9 +65,8 @@ def counted(number: float, watched_s: float) -> FalseObjects:
     each = np.array([OPTIONS.false_objects.standing_share, 1.0 - OPTIONS.false_objects.standing_share])
     levels = np.outer(number * each, OPTIONS.false_objects.detectability)
     ended = levels.sum(axis=1)
-    return replace(
-        NOTHING, counted=levels, ended=ended, lived_s=OPTIONS.false_objects.life_s * ended, watched_s=watched_s
-    )
+    lived_s = OPTIONS.false_objects.life_s * ended
+    return replace(NOTHING, counted=levels, ended=ended, lived_s=lived_s, watched_s=watched_s)
 
 
 def places_of(

@@ -158,12 +158,9 @@ def test_what_a_hidden_particle_loses_beside_a_seen_vehicle_grows_with_the_time_
     nothing = np.zeros(40)
     after = updated(rule_with(association={"exclusion_per_s": 9.0}), prior, nothing, [], dt_s).mixture.cloud
     lost = np.exp(-9.0 * dt_s)
-    assert after.log_raw_weight - prior.cloud.log_raw_weight == pytest.approx(
-        np.log([lost] * 10 + [1.0] * 20 + [1.0] * 10), abs=1e-9
-    )
-    assert np.exp(after.log_weight[:30]) == pytest.approx(
-        np.array([lost] * 10 + [1.0] * 20) / (10.0 * lost + 20.0), rel=1e-9
-    )
+    factor = np.array([lost] * 10 + [1.0] * 30)
+    assert after.log_raw_weight - prior.cloud.log_raw_weight == pytest.approx(np.log(factor), abs=1e-9)
+    assert np.exp(after.log_weight[:30]) == pytest.approx(factor[:30] / (10.0 * lost + 20.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("exclusive", [True, False])
@@ -201,9 +198,8 @@ def test_a_hit_component_takes_the_size_of_the_detection_that_is_most_probably_i
     situation = situation_with([])
     situation = replace(situation, scan=replace(situation.scan, detections=detections))
     every = np.full(PARTICLES, 0.5)
-    after = rule_with().measurement_update(
-        prior, component_moments(prior), Occlusion(every, np.zeros(1), np.zeros(1)), situation, np.random.default_rng(0)
-    )
+    occlusion, rng = Occlusion(every, np.zeros(1), np.zeros(1)), np.random.default_rng(0)
+    after = rule_with().measurement_update(prior, component_moments(prior), occlusion, situation, rng)
     known = prior.components
     expected = np.average([known.length_m[0], 5.0], weights=[known.std_length_m[0] ** -2, 1.0])
     assert after.mixture.components.length_m == pytest.approx([expected])
@@ -230,9 +226,8 @@ def test_particles_in_view_lose_less_weight_where_a_run_of_misses_has_lasted() -
     prior, run, lasting = belief_of([cloud_at(PLACE)]), 0.3, 0.8
     detected = (1.0 - run) * np.where(np.arange(PARTICLES) < 20, 0.9, 0.05)
     occlusion = Occlusion(detected, np.array([run]), np.array([lasting]))
-    after = rule_with(association=ALONE).measurement_update(
-        prior, component_moments(prior), occlusion, situation_with([]), np.random.default_rng(0)
-    )
+    moments, rule, rng = component_moments(prior), rule_with(association=ALONE), np.random.default_rng(0)
+    after = rule.measurement_update(prior, moments, occlusion, situation_with([]), rng)
     weight = [lasting + (1.0 - lasting) * (1.0 - seen) for seen in detected / (1.0 - run)]
     assert np.exp(after.mixture.cloud.log_weight) == pytest.approx(np.array(weight) / sum(weight))
     sources = after.mixture.components
