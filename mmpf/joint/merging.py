@@ -109,6 +109,7 @@ def with_known_vehicles(
     probability 1 - (1 - h) (1 - same k): by its own detections, or because it is the known vehicle, whose detectability
     then holds for it. Its own detections alone would leave it in doubt, since few vehicles first appear in plain view.
     What else the heir may be, such as a false object that has ended, it is with its probability times 1 - same k.
+    A vehicle that is the known one was born where that one was: ``born_in_view`` becomes the mean over both cases.
     The probability that it is not the known vehicle, 1 - same h, is kept as that of a mistake (``with_mistakes``).
 
     Args:
@@ -127,4 +128,7 @@ def with_known_vehicles(
     alive[:, VEHICLE] += vehicles
     kinds[heirs], existence[heirs] = normalised(alive), alive.sum(axis=(1, 2, 3))
     ended[heirs] *= another[:, None, None]
-    return replace(components, kinds=kinds, existence=existence, ended=ended)
+    own, in_view = another * components.vehicle[heirs], components.born_in_view.copy()
+    known_share = (1.0 - another) / np.maximum(1.0 - another + own, 1e-300)
+    in_view[heirs] += known_share * (in_view[known] - in_view[heirs])
+    return replace(components, kinds=kinds, existence=existence, ended=ended, born_in_view=in_view)

@@ -134,15 +134,19 @@ def test_one_seen_again_is_a_vehicle_unless_neither_it_nor_the_hidden_one_that_i
     mixture = hidden_and_new(apart_m, existence=0.9)
     kinds = certain_vehicles(2) * np.array([0.8, 0.3])[:, None, None, None]
     kinds[:, STANDING, 0, 0] = 0.2, 0.7
-    components = replace(mixture.components, kinds=kinds, ended=np.full((2, 2, LEVELS), 0.05 / (2 * LEVELS)))
+    ended, in_view = np.full((2, 2, LEVELS), 0.05 / (2 * LEVELS)), np.array([0.2, 0.7])
+    components = replace(mixture.components, kinds=kinds, ended=ended, born_in_view=in_view)
     after, _ = handed_over(replace(mixture, components=components), [False, True])
     widths = np.array(KERNEL_WIDTHS)
     density = 0.9 * norm.pdf([apart_m, 0.0, 0.0], scale=widths).prod()
     same = density / (density + OPTIONS.unknown_density)
-    assert after.components.vehicle == pytest.approx([1.0 - (1.0 - 0.95 * 0.3) * (1.0 - same * 0.9 * 0.8)])
-    assert after.components.ended.sum() == pytest.approx((1.0 - same * 0.9 * 0.8) * 0.05)
+    known, own = same * 0.9 * 0.8, 0.95 * 0.3
+    assert after.components.vehicle == pytest.approx([1.0 - (1.0 - own) * (1.0 - known)])
+    born_in_view = known * 0.2 + (1.0 - known) * own * 0.7
+    assert after.components.vehicle * after.components.born_in_view == pytest.approx([born_in_view])
+    assert after.components.ended.sum() == pytest.approx((1.0 - known) * 0.05)
     assert after.components.existence + after.components.ended.sum() == pytest.approx([1.0])
-    assert after.components.mistaken == pytest.approx([1.0 - same * 0.95 * 0.3])
+    assert after.components.mistaken == pytest.approx([1.0 - same * own])
     assert after.components.away_std == pytest.approx(np.array([[apart_m, 0.0, 0.0]]))
 
 
