@@ -74,9 +74,8 @@ def test_the_rule_of_the_paper_lets_the_nearest_detection_win_however_far() -> N
 
 
 def test_component_weights_follow_equation_11() -> None:
-    rule = MaxLikelihoodUpdate(
-        options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}}), SensorModel()
-    )
+    options = options_with({"max_likelihood": {"resampling": {"effective_share": 0.0}}})
+    rule = MaxLikelihoodUpdate(options, SensorModel())
     prior = mixture_at([(30.0, lane_centre(2)), (60.0, lane_centre(1))], std_m=0.5)
     detections = [(30.2, lane_centre(2)), (61.0, lane_centre(1))]
     posterior = weights_after(rule, prior, detections)

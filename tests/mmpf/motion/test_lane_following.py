@@ -70,9 +70,8 @@ def test_round_a_bend_a_vehicle_goes_as_far_as_its_speed_takes_it_along_the_bend
 
 
 def test_oncoming_traffic_has_a_positive_speed_and_goes_the_other_way() -> None:
-    drive = Drive(
-        graph_of({"there": [(0, 0), (100, 0)], "back": [(100, 3), (0, 3)]}), ["there", "back"], [20, 20], 10.0
-    )
+    graph = graph_of({"there": [(0, 0), (100, 0)], "back": [(100, 3), (0, 3)]})
+    drive = Drive(graph, ["there", "back"], [20, 20], 10.0)
     drive.go(10)
     assert drive.state[LON] == pytest.approx([30.0, 70.0])
     assert drive.state[LAT] == pytest.approx([0.0, 3.0])

@@ -134,9 +134,8 @@ def test_a_bicycle_that_speeds_up_keeps_its_curvature():
     state = states(1, speed_mps=10.0)
     state[LAT_ACCEL], state[ACCEL] = 0.25, 1.0
     after = run(kinematic("csaa", QUIET), state, 50)
-    assert after[LAT_ACCEL, 0] / (after[SPEED, 0] ** 2 + after[LAT_SPEED, 0] ** 2) == pytest.approx(
-        0.25 / 100.0, rel=1e-3
-    )
+    speed_squared = after[SPEED, 0] ** 2 + after[LAT_SPEED, 0] ** 2
+    assert after[LAT_ACCEL, 0] / speed_squared == pytest.approx(0.25 / 100.0, rel=1e-3)
 
 
 def test_idm_settles_at_its_equilibrium_gap():
