@@ -243,7 +243,7 @@ def _evaluate(
     starts: IntArray,
     values: FloatArray,
 ) -> None:
-    """Write the logarithms: the exponential of a whole array is much faster than one by one."""
+    """Write the logarithms. The exponential of a whole array is much faster than one by one."""
     for p in range(len(component)):
         begin, end = particle_starts[component[p]], particle_starts[component[p] + 1]
         j = detection[p]

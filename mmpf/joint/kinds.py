@@ -20,12 +20,12 @@ KINDS = 3
 VEHICLE, STANDING, MOVING = range(KINDS)
 FALSE = slice(STANDING, None)
 SHADING = np.array([1.0, 0.5, 0.0])
-"""How much of a shadow's effect on detection there is, as a power: none knows shadows and sensors exactly."""
+"""Power of a shadow's effect on detection. There are several, since no model of shadows and sensors is exact."""
 DETECTABILITY = np.array([0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 1.0])
 """Levels of a source's detection probability in plain view, over the one that the sensor has for vehicles there."""
 LEVELS = len(DETECTABILITY)
 SHAPE = (KINDS, len(SHADING), LEVELS)
-"""Of one component's posterior: kind, how much shadows hide the source, level of detectability."""
+"""Shape of one component's posterior by kind, how much shadows hide the source, and level of detectability."""
 LARGEST_PROBABILITY = 0.99
 
 

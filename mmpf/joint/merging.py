@@ -17,11 +17,11 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, turned
 from mmpf.options.joint import JointMerging
 
 SAME_WAY = 0.5
-"""Cosine of 60 degrees: two whose directions differ by more are two."""
+"""Cosine of 60 degrees. Components whose directions differ by more are two vehicles."""
 EXISTENCE_ABOVE = 0.3
 """Less probable components do not merge, so that a stray detection cannot replace a track."""
 VEHICLE_ABOVE = 0.2
-"""A less probable vehicle is not merged with a hidden one: what was found to be false does not take a track."""
+"""A less probable vehicle is not merged with a hidden one, so that no false object takes over its track."""
 
 
 def merge_lasting_overlaps(

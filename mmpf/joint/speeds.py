@@ -20,7 +20,7 @@ STANDING_STD_MPS, FLOW_STD_MPS = 1.0, 4.0
 
 
 def stopped_shares(moments: Moments, road: Road, options: JointSpeeds) -> FloatArray | float:
-    """Return the share of vehicles that stands where each component is: shape (m,) where stop lines are known."""
+    """Return the share of vehicles that stands where each component is, of shape (m,) where stop lines are known."""
     to_line = road.to_stop_line_m(moments.mean[LON], moments.mean[LAT], moments.heading_rad)
     if to_line is None:
         return STOPPED_IN_PLANE if road.has_headings else options.stopped_on_road

@@ -25,7 +25,7 @@ class LaneGraphRoad(OnReferenceLine):
     Attributes:
         graph: The lanes; ``without_map()`` where none are known.
         section_m: From where to where they reach along x, metres.
-        walls_xy: Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4).
+        walls_xy: Walls of buildings, which hide what is behind them. A row is x and y of both ends, metres, (w, 4).
         reference_xy: The line that carries the frame; another than the x axis alone where a road's lanes are unknown.
         reference_start_m: Longitudinal position of its first point, metres.
     """

@@ -85,7 +85,7 @@ class Road(Protocol):
 
     @property
     def walls_xy(self) -> FloatArray | None:
-        """Walls of buildings, which hide what is behind them: rows of x and y of either end, metres, (w, 4)."""
+        """Walls of buildings, which hide what is behind them. A row is x and y of both ends, metres, (w, 4)."""
 
     @property
     def graph(self) -> LaneGraph | None:

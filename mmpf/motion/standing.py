@@ -33,7 +33,7 @@ def hold_still(moved: FloatArray, before: FloatArray, stands: BoolArray) -> None
 
 
 def drift_in_plane(moved: FloatArray, stands: BoolArray, std_m: float, rng: np.random.Generator) -> None:
-    """Let those who stand drift a little in the plane: a particle that never moves can't follow; changed in place."""
+    """Let those who stand drift a little in the plane, in place. A particle that never moves can't follow a vehicle."""
     index = np.flatnonzero(stands)
     lon_m, lat_m = std_m * rng.standard_normal((2, len(index)))
     moved[LON, index] += lon_m

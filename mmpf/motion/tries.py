@@ -55,7 +55,7 @@ def rows_tried(motion: MotionModel) -> tuple[int, ...]:
 def log_prior_over_tried(
     motion: MotionModel, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
 ) -> FloatArray:
-    """Return what a motion model says of its particles' weights: zeros if it draws from its prior, shape (n,)."""
+    """Return the log ratio of each particle, shape (n,), which is zero if the model draws from its prior."""
     if isinstance(motion, TriesMore):
         return motion.log_prior_over_tried(latents, after, surroundings, dt_s)
     if isinstance(motion, BuildsOnAnother):

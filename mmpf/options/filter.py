@@ -83,8 +83,7 @@ class ReportingOptions(Settings):
     those of a hidden vehicle, and its speed is not used as traffic speed for newborn components.
     """
     reported_std_lon_m: Positive = 15.0
-    """A hidden component with a wider spread is kept for re-acquisition but not reported.
-    """
+    """A hidden component with a wider spread is kept for re-acquisition but not reported."""
     reported_hidden_above: Probability = 0.05
     """A hidden component with a lower vehicle probability is kept but not reported."""
     hidden_variance_factor: Positive = 1.5
@@ -99,7 +98,7 @@ class FilterOptions(Settings):
     particles: Annotated[int, Field(ge=10, le=1_000_000)] = 1000
     """Particles per component."""
     update: UpdateName = "joint"
-    """Update rule: ``joint``, or ``max_likelihood`` for the rule of the paper."""
+    """Name of the update rule. The paper's own is ``max_likelihood``."""
     vehicle: Footprint = Footprint()
     """Size of a vehicle before it is measured."""
     model_error: ModelErrorOptions = ModelErrorOptions()

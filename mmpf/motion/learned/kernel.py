@@ -62,7 +62,7 @@ def switch_intentions(
     seen_probability: float,
     hidden_probability: float,
 ) -> None:
-    """End lane changes that have arrived and take up new ones: ``direction`` and ``target`` are rewritten."""
+    """End lane changes that have arrived and begin new ones. Rewrites ``direction`` and ``target``."""
     for n in range(len(direction)):
         if direction[n] != 0.0 and direction[n] * (target[n] - lat[n]) < ARRIVED_WITHIN_M:
             direction[n] = 0.0
@@ -90,7 +90,7 @@ def look_up_changes(
     ratios: FloatArray,
     log_ratio: FloatArray,
 ) -> None:
-    """Write each particle's log ratio, shape (n,): it began to change lanes if ``aims``, shape (2, n), were others."""
+    """Write log importance weights, shape (n,). A lane change that is not in ``aims``, shape (2, n), has just begun."""
     for n in range(len(log_ratio)):
         changes = after[0, n] != 0.0
         goes_on = changes & (after[0, n] == aims[0, n]) & (after[1, n] == aims[1, n])
