@@ -120,7 +120,7 @@ FOLLOWED_NOTE = (
     f"the tracker and constant-velocity prediction ({COASTING_TRACKER}, with the true association) follow:"
 )
 REST_NOTE = "Identities, HOTA, GOSPA and computing time:"
-TRUST_NOTE = "Stated and observed uncertainty:"
+TRUST_NOTE = "Stated and observed uncertainty; that of existence is of all seeds together (docs/explanation/scores.md):"
 DECISION_NOTE = "Decisions of a driver who relies on the tracks:"
 MANOEUVRE_NOTE = "By what vehicles do (docs/explanation/scores.md):"
 CAUSE_NOTE = "By what hides vehicles, other vehicles or walls of buildings (docs/explanation/scores.md):"

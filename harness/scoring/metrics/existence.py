@@ -17,11 +17,12 @@ NAME = "existence_calibration"
 DECILES = 10
 LEAST_TRACK_STEPS = 200
 """Track-steps from which a tenth of the stated existence is judged."""
+LARGEST_GAP, MEAN_GAP = f"{NAME}.largest_gap", f"{NAME}.mean_gap"
 QUANTITIES = (
     Quantity(
-        f"{NAME}.largest_gap", "existence probability in sight: largest error, percentage points",
-        heading="existence gap",
+        LARGEST_GAP, "existence probability in sight: largest error, percentage points", heading="existence gap",
     ),
+    Quantity(MEAN_GAP, "existence probability in sight: mean error, percentage points", weight=f"{NAME}.n"),
     Quantity(f"{NAME}.brier", "existence probability in sight: Brier score", decimals=3, weight=f"{NAME}.n"),
 )  # fmt: skip
 
@@ -69,8 +70,9 @@ def existence_calibration(part: ExistencePart) -> dict[str, object]:
     Returns:
         ``deciles``: for each tenth of the stated existence ``from`` and ``to`` in [0, 1], ``n`` track-steps, and in
         percent the mean ``stated`` and the ``observed`` share that is real. ``largest_gap``: the largest absolute
-        difference of the two among tenths with at least 200 track-steps, in points. ``brier``: mean squared
-        difference of the stated probability and what is there, 0 is best. nan where there is nothing to tell.
+        difference of the two among tenths with at least 200 track-steps, in points. ``mean_gap``: its mean over all
+        tenths, weighted by track-steps. ``brier``: mean squared difference of the stated probability and what is there,
+        0 is best. nan where there is nothing to tell.
     """
     count, stated, real = part.count, part.stated, part.real
     deciles = [
@@ -87,6 +89,7 @@ def existence_calibration(part: ExistencePart) -> dict[str, object]:
     gaps = np.abs(stated[many] - real[many]) / count[many]
     return {
         "largest_gap": 100.0 * float(gaps.max()) if len(gaps) else np.nan,
+        "mean_gap": 100.0 * ratio(np.abs(stated - real).sum(), count.sum()),
         "brier": ratio(part.squared, float(count.sum())),
         "n": int(count.sum()),
         "deciles": deciles,

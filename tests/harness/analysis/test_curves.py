@@ -8,6 +8,7 @@ import pytest
 
 from harness.analysis.curves import breaks, curve_points
 from harness.analysis.tables import as_markdown, break_sentence
+from harness.common.intervals import Possible, possible_ci
 
 
 def rows(density: float, seed: int, same_id: float, events: float = 100.0, hidden=(1.0, 10.0), **other) -> dict:
@@ -86,14 +87,6 @@ def test_the_interval_of_a_breaking_point_covers_what_the_seeds_say():
     assert 46 < broken.ci95[0] < 50 < broken.ci95[1] < 54
 
 
-def test_the_table_names_every_tracker_density_and_failure():
-    table = pd.DataFrame([rows(density, seed, 70) for density in (10, 20) for seed in range(3)])
-    text = as_markdown("Title", curve_points(table, ()), breaks(table), ["density 10, seed 3: it broke"])
-    assert "| mmpf cvm | 10 | 0.20" in text
-    assert "| mmpf cvm | 20 | 0.20" in text
-    assert "- density 10, seed 3: it broke" in text
-
-
 def test_the_ratio_to_coasting_is_that_of_all_errors_together_with_an_interval_over_seeds():
     def against(own: float, coasting: float, n: float) -> dict:
         key, on_purpose = "against_coasting.hidden", "pseudo_occlusion.3s"
@@ -126,6 +119,29 @@ def test_identities_by_time_hidden_switches_and_the_error_after_two_seconds_have
         point = curve(table, metric)[20]
         assert point.mean == pytest.approx(mean), metric
         assert point.ci95[0] < mean < point.ci95[1], metric
+
+
+def test_errors_of_existence_are_of_the_tenths_of_all_seeds_together():
+    """In one tenth the seeds are off to either side; in another always by 4 points; in a third in few track-steps."""
+    table, name = [], "existence_calibration"
+    for seed in range(4):
+        tenths = {
+            3: (300.0, 35.0, 35.0 + 20.0 * (-1) ** seed),
+            8: (500.0, 85.0, 81.0 + seed % 2),
+            9: (200.0, 95.0, 0.0),
+        }
+        told = {f"{name}.largest_gap": 20.0, f"{name}.mean_gap": 9.0}
+        for place, values in tenths.items():
+            told |= dict(
+                zip((f"{name}.deciles.{place}.{key}" for key in ("n", "stated", "observed")), values, strict=True)
+            )
+        table.append(rows(20, seed, 10, **told))
+    largest, mean = (curve(pd.DataFrame(table), f"{name}.{key}_gap")[20] for key in ("largest", "mean"))
+    assert (largest.mean, largest.n, largest.seeds) == (pytest.approx(3.5), 2000, 4)
+    of_mean = [5.0 * 3.5 + 2.0 * 95.0] * 4
+    assert (mean.mean, mean.n) == (pytest.approx(sum(of_mean) / 40.0), 4000)
+    interval = possible_ci(np.array([2000.0, 1500.0] * 2), np.full(4, 500.0), Possible(0.0, 100.0))
+    assert largest.ci95 == pytest.approx((interval.low, interval.high))
 
 
 def test_every_error_while_followed_has_the_followed_share_in_the_next_column():

@@ -30,7 +30,7 @@ def test_each_tenth_holds_what_is_stated_against_what_is_there():
     assert decile == {
         "from": 0.7, "to": 0.8, "n": STEPS, "stated": pytest.approx(75.0), "observed": pytest.approx(60.0),
     }  # fmt: skip
-    assert found["largest_gap"] == pytest.approx(15.0)
+    assert (found["largest_gap"], found["mean_gap"]) == (pytest.approx(15.0), pytest.approx(15.0))
     assert found["brier"] == pytest.approx(0.6 * 0.25**2 + 0.4 * 0.75**2)
     assert [(each["from"], each["to"]) for each in found["deciles"]] == [(k / 10, (k + 1) / 10) for k in range(10)]
 
@@ -44,7 +44,7 @@ def test_an_edge_belongs_to_the_tenth_above_it_and_certainty_to_the_last(existen
 def test_a_tenth_with_fewer_than_200_track_steps_is_told_and_not_judged():
     existence = np.where(np.arange(STEPS) < 199, 0.15, 0.95)
     found = calibration(scene(existence, np.ones(STEPS, dtype=bool)))
-    assert found["largest_gap"] is None
+    assert (found["largest_gap"], found["mean_gap"]) == (None, pytest.approx((199 * 85.0 + 51 * 5.0) / 250))
     existence[199] = 0.15
     assert calibration(scene(existence, np.ones(STEPS, dtype=bool)))["largest_gap"] == pytest.approx(85.0)
 
