@@ -66,14 +66,8 @@ class TimedPath:
         """Return whether places come near the box around the path."""
         if not len(self.x) or not len(x):
             return False
-        return bool(
-            (
-                (x >= self.x.min() - NEAR_M)
-                & (x <= self.x.max() + NEAR_M)
-                & (y >= self.y.min() - NEAR_M)
-                & (y <= self.y.max() + NEAR_M)
-            ).any()
-        )
+        near = [(own.min() - NEAR_M <= at) & (at <= own.max() + NEAR_M) for own, at in ((self.x, x), (self.y, y))]
+        return bool((near[0] & near[1]).any())
 
     def time_at(self, along_m: float) -> float | None:
         """Return when an arc length is first reached; None beyond the record."""

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.decisions.decide import Decision
 from harness.scoring.driving.asked import Asked
 from harness.scoring.driving.brakings import MISSED, MISSED_FATES, PHANTOM, PHANTOM_FATES
 from harness.scoring.driving.collision_time import time_to_collision
@@ -126,14 +125,10 @@ def lateness(asked: Asked, episode: IntArray) -> FloatArray:
 def collision_time_errors(asked: Asked) -> FloatArray:
     """Return absolute errors of the time to collision with the vehicle ahead, where it is short, shape (k,)."""
     true_s, believed_s = (
-        np.minimum(_to_collision(decision), LONGEST_COLLISION_TIME_S) for decision in (asked.truth, asked.tracks)
+        np.minimum(time_to_collision(own.leader.gap_m, own.speed_mps, own.leader.speed_mps), LONGEST_COLLISION_TIME_S)
+        for own in (asked.truth.belief, asked.tracks.belief)
     )
     return np.asarray(np.abs(believed_s - true_s)[asked.judged & (true_s < COLLISION_TIME_S)])
-
-
-def _to_collision(decision: Decision) -> FloatArray:
-    leader = decision.belief.leader
-    return time_to_collision(leader.gap_m, decision.belief.speed_mps, leader.speed_mps)
 
 
 @of_whole

@@ -20,12 +20,6 @@ def measure_outcomes(evidence: Evidence) -> IntArray:
     return count_outcomes(evidence.errors.outcome[evidence.errors.state == HIDDEN])
 
 
-@of_whole
-def outcomes_while_hidden(counts: IntArray) -> dict[str, float]:
-    """Return the outcomes of all vehicle-steps hidden."""
-    return hidden_outcomes(counts)
-
-
 def count_outcomes(outcome: IntArray) -> IntArray:
     """Count each outcome among hidden vehicle-steps, shape (n,)."""
     return np.bincount(outcome, minlength=len(OUTCOMES))
@@ -47,3 +41,6 @@ def hidden_outcomes(counts: IntArray) -> dict[str, float]:
         "hijacked_percent": 100.0 * ratio(counts[HIJACKED], n),
         "untracked_percent": 100.0 * ratio(counts[UNTRACKED], n),
     }
+
+
+outcomes_while_hidden = of_whole(hidden_outcomes)
