@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, TypeVar
 
 from pydantic import Field
 
-from harness.trackers.doubtful import DoubtfulOptions
+from harness.trackers.doubtful import DoubtfulOptions, as_reported
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import TrackerSetting
+from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting
 from mmpf.options.base import Positive, Settings, in_unit
 
 
@@ -50,3 +50,13 @@ def in_frame(kind: type[_Options], setting: TrackerSetting, options: Mapping[str
         return chosen
     alike = {"lat_noise": chosen.lon_noise, "birth_lat_speed_std_mps": chosen.birth_speed_std_mps}
     return chosen.model_copy(update=alike)
+
+
+def factory(kind: type[_Options], tracker: Callable[[_Options, TrackerSetting], Tracker]) -> TrackerFactory:
+    """Return what builds a tracker of two coordinates from its options, as its road and its doubts need it."""
+
+    def build(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
+        chosen = in_frame(kind, setting, options)
+        return as_reported(tracker(chosen, setting), setting, chosen.doubtful)
+
+    return build

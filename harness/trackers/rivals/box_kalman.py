@@ -8,14 +8,12 @@ is left; the scans of this project carry no scores by which detections could tak
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
 
-from harness.trackers.doubtful import as_reported
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting
+from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.box_tracks import (
     BoxOptions,
     BoxTracks,
@@ -27,9 +25,9 @@ from harness.trackers.rivals.box_tracks import (
 )
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.lives import Lives, remembered, reported
-from harness.trackers.track_options import in_frame
+from harness.trackers.track_options import factory
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
-from mmpf.scan import Detections, Scan, SensorModel, check_scan
+from mmpf.scan import Detections, Scan, check_scan
 from mmpf.tracks import Tracks
 
 
@@ -45,8 +43,8 @@ class BoxKalmanOptions(BoxOptions):
 class BoxKalman:
     """A Kalman filter of each vehicle's box, matched to detections by generalised overlap."""
 
-    def __init__(self, options: BoxKalmanOptions, sensor: SensorModel, in_plane: bool = False) -> None:
-        self._options, self._sensor, self._in_plane = options, sensor, in_plane
+    def __init__(self, options: BoxKalmanOptions, setting: TrackerSetting) -> None:
+        self._options, self._sensor, self._in_plane = options, setting.sensor, is_in_plane(setting)
         self._time_s: float | None = None
         self._next_track_id = 1
         self._tracks = none_begun(options)
@@ -74,10 +72,7 @@ class BoxKalman:
         return reported(self._tracks.lives, self._tracks.states, scan.time_s, options)
 
 
-def build_box_kalman(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """Build the tracker of boxes."""
-    chosen = in_frame(BoxKalmanOptions, setting, options)
-    return as_reported(BoxKalman(chosen, setting.sensor, is_in_plane(setting)), setting, chosen.doubtful)
+build_box_kalman = factory(BoxKalmanOptions, BoxKalman)
 
 
 def _matched(tracks: BoxTracks, detections: Detections, options: BoxKalmanOptions) -> tuple[IntArray, IntArray]:

@@ -16,7 +16,6 @@ change while a vehicle is unseen.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated
@@ -24,17 +23,16 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON, GaussianStates, predict_constant_velocity, update_variable
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting
+from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
 from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, remembered, reported
-from harness.trackers.track_options import in_frame
+from harness.trackers.track_options import factory
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped
 from mmpf.options.base import NotNegative, Positive, Probability, in_unit
-from mmpf.scan import Detections, Scan, SensorModel, check_scan
+from mmpf.scan import Detections, Scan, check_scan
 from mmpf.tracks import Tracks
 
 _OBSERVATIONS_KEPT = 16
@@ -120,8 +118,8 @@ class OcTracks:
 class OcSort:
     """Kalman filters of boxes with observation-centric momentum, recovery and re-update."""
 
-    def __init__(self, options: OcSortOptions, sensor: SensorModel, in_plane: bool = False) -> None:
-        self._options, self._sensor, self._in_plane = options, sensor, in_plane
+    def __init__(self, options: OcSortOptions, setting: TrackerSetting) -> None:
+        self._options, self._sensor, self._in_plane = options, setting.sensor, is_in_plane(setting)
         self._times_s: list[float] = []
         self._next_track_id = 1
         nobody = none_begun(options)
@@ -160,10 +158,7 @@ class OcSort:
         return tracks
 
 
-def build_oc_sort(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """Build OC-SORT."""
-    chosen = in_frame(OcSortOptions, setting, options)
-    return as_reported(OcSort(chosen, setting.sensor, is_in_plane(setting)), setting, chosen.doubtful)
+build_oc_sort = factory(OcSortOptions, OcSort)
 
 
 def _matched(tracks: OcTracks, detections: Detections, options: OcSortOptions) -> tuple[IntArray, IntArray]:

@@ -8,19 +8,17 @@ probability are one for all, so the noise is the mean of what a scan's detection
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import multisensor_lmb_filters_rs as lmb
 import numpy as np
 
-from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LON, GaussianStates, newborn, predict_constant_velocity
-from harness.trackers.protocol import Tracker, TrackerSetting
+from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import Lives, remembered, reported
 from harness.trackers.rivals.lmb.options import LmbOptions
-from harness.trackers.track_options import in_frame
+from harness.trackers.track_options import factory
 from mmpf.numerics.arrays import joined, taken
 from mmpf.scan import Detections, Scan, check_scan
 from mmpf.tracks import Tracks
@@ -116,7 +114,4 @@ def _moments(tracks: list[Any]) -> GaussianStates:
     return GaussianStates(mean, covariance)
 
 
-def build_lmb(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """Build the labelled multi-Bernoulli filter."""
-    chosen = in_frame(LmbOptions, setting, options)
-    return as_reported(Lmb(chosen, setting), setting, chosen.doubtful)
+build_lmb = factory(LmbOptions, Lmb)

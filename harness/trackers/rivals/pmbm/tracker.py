@@ -7,17 +7,15 @@ be behind the other tracks' shadows, as in OptiPMB (arXiv 2503.12968), so that a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict_constant_velocity
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting
+from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, remembered, reported
 from harness.trackers.rivals.options import RivalOptions
@@ -32,7 +30,7 @@ from harness.trackers.rivals.pmbm.mixture import (
     without,
 )
 from harness.trackers.shadow_model import POINTS, Visibility, detection_probabilities
-from harness.trackers.track_options import in_frame
+from harness.trackers.track_options import factory
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, taken
 from mmpf.options.base import Positive, Probability
@@ -179,10 +177,7 @@ class Pmbm:
         return reported(shown.lives, shown.states, time_s, self._options, shown.existence)
 
 
-def build_pmbm(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """Build the PMBM tracker."""
-    chosen = in_frame(PmbmOptions, setting, options)
-    return as_reported(Pmbm(chosen, setting), setting, chosen.doubtful)
+build_pmbm = factory(PmbmOptions, Pmbm)
 
 
 def _widest(covariance: FloatArray) -> FloatArray:
