@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 import difflib
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
@@ -98,12 +99,12 @@ class Registry(Generic[T]):
             return self._registered[name]
         if name in self.entries:
             return self._own_entry(name)
-        declared = [point for point in self._declared() if point.name == name]
-        if len(declared) > 1:
-            packages = " and ".join(sorted(_package(point) for point in declared))
+        found = [point for point in declared(self.group) if point.name == name]
+        if len(found) > 1:
+            packages = " and ".join(sorted(_package(point) for point in found))
             raise UnknownNameError(f"the {self.kind} {name!r} is declared by {packages}; uninstall all but one")
-        if declared:
-            return self._loaded(declared[0])
+        if found:
+            return self._loaded(found[0])
         if ":" in name and self.group is not None:
             module = name.partition(":")[0]
             if module.partition(".")[0] in sys.stdlib_module_names:
@@ -133,7 +134,7 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """Return all names: those that come along in their order, and after them those of installed packages."""
-        return tuple(dict.fromkeys((*self.own, *sorted(point.name for point in self._declared()))))
+        return tuple(dict.fromkeys((*self.own, *sorted(point.name for point in declared(self.group)))))
 
     def is_outside(self, name: str) -> bool:
         """Return whether a name is a place, ``module:attribute``, or declared by an installed package."""
@@ -142,13 +143,6 @@ class Registry(Generic[T]):
     def in_order(self) -> dict[str, T]:
         """Return those that come along or are registered, by name."""
         return {name: self[name] for name in self.own}
-
-    def _declared(self) -> Iterable[EntryPoint]:
-        if self.group is None:
-            return ()
-        from importlib.metadata import entry_points  # noqa: PLC0415  (slow, and seldom needed)
-
-        return entry_points(group=self.group)
 
     def _own_entry(self, name: str) -> T:
         entry = self.entries[name]
@@ -176,6 +170,16 @@ class Registry(Generic[T]):
         if not callable(entry):
             raise UnknownNameError(f"{named} is no class or function, but of type {type(entry).__name__}")
         return cast("T", entry)
+
+
+@cache
+def declared(group: str | None) -> Sequence[EntryPoint]:
+    """Return what installed packages declare in a group, read once a process; ``cache_clear`` has it read anew."""
+    if group is None:
+        return ()
+    from importlib.metadata import entry_points  # noqa: PLC0415  (slow, and seldom needed)
+
+    return entry_points(group=group)
 
 
 def _package(point: EntryPoint) -> str:

@@ -1,31 +1,15 @@
 import gc
-import importlib.metadata
 import os
 import sys
-from functools import cache
 
 import pytest
 
 from harness.common.files import write_text
 from harness.common.isolation import trusted
-from harness.running import provenance
 
 # Where bytecode is not kept, each of the many processes of the tests compiles all sources again.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-
-# Trackers of the tests' own are of a large package, and named by their place; both are read anew for each of many runs.
-provenance._of_folder = cache(provenance._of_folder)
-_declared = cache(lambda _, chosen, read=importlib.metadata.entry_points: read(**dict(chosen)))
-
-
-def _declared_once(**chosen: str) -> importlib.metadata.EntryPoints:
-    """Return what packages declare, read once for each state of the folders on the path."""
-    state = tuple((place, os.stat(place or ".").st_mtime_ns) for place in sys.path if os.path.exists(place or "."))
-    return _declared(state, tuple(chosen.items()))
-
-
-importlib.metadata.entry_points = _declared_once
 
 
 def pytest_collection_modifyitems(items):

@@ -14,15 +14,7 @@ import numpy as np
 
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
-from harness.trackers.rivals.box_tracks import (
-    BoxOptions,
-    BoxTracks,
-    begun,
-    none_begun,
-    overlaps,
-    predicted,
-    taken_in,
-)
+from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
 from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
 from harness.trackers.rivals.lives import Lives, remembered, reported
 from harness.trackers.track_options import factory

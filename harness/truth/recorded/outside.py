@@ -126,9 +126,8 @@ def _fault_of_column(values: object, wanted: tuple[int, ...], *, is_index: bool)
         return f"is {type(values).__name__}, not an array"
     if values.shape != wanted or values.ndim != 1:
         return f"has shape {values.shape}, rows.vehicle {wanted}; both must be (n,)"
-    if is_index:
-        return None if values.dtype == np.int64 else f"is {values.dtype}, not int64"
-    return None if values.dtype == np.float64 else f"is {values.dtype}, not float64"
+    kind = "int64" if is_index else "float64"
+    return None if values.dtype == kind else f"is {values.dtype}, not {kind}"
 
 
 def _parameters(read: Reader) -> int:
@@ -139,6 +138,4 @@ def _parameters(read: Reader) -> int:
         return 0
     positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     needed = [parameter for parameter in wanted if parameter.default is inspect.Parameter.empty]
-    if any(parameter.kind not in positional for parameter in needed):
-        return 0
-    return len(needed)
+    return 0 if any(parameter.kind not in positional for parameter in needed) else len(needed)

@@ -16,6 +16,7 @@ import harness
 from harness.commands.app import run_command_line
 from harness.common.watching import watched
 from harness.trackers.conformance.checks import tracker_checks
+from mmpf.registry import declared
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.test_plug_ins import install
 
@@ -192,10 +193,11 @@ def test_a_tracker_that_ends_the_process_is_one_line(step, end, name, tmp_path, 
     [(*KILLS, "bad-one"), pytest.param("raise KeyError('x')", "KeyError: 'x'", "bad:make", marks=pytest.mark.slow)],
 )
 def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_there(
-    step, told, name, tmp_path, scene, monkeypatch
+    step, told, name, tmp_path, scene, monkeypatch, request
 ):
     written(tmp_path, scene, name, step)
     install(tmp_path, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
+    request.addfinalizer(declared.cache_clear)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "bad", raising=False)
     before = signal.getsignal(signal.SIGINT)
