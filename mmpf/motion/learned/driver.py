@@ -52,6 +52,8 @@ FOLLOWED_WITHIN_S, WALKING_MPS = 4.0, 3.0
 # this time constant: 2.2 s [1.3, 3.5], a regression over 246 windows of 100 vehicles on Lankershim Boulevard and
 # Peachtree Street (NGSIM, US DOT, in CommonRoad's clips; positions smoothed over 0.5 s as by Thiemann et al. 2008).
 FADES_IN_S = 2.2
+# Fourteen times the rates of the model that comes along, for unseen drivers and for those in sight.
+MOST_CHANGES_PER_S = 0.1, 1.0
 
 
 @dataclass(frozen=True)
@@ -295,6 +297,8 @@ def load_driver_model(path: Path) -> DriverModel:
         signed = [free.index("desired_per_accel_s")] if name == "free" else []
         if (np.delete(arrays[name], signed) < 0.0).any():
             raise ModelFileError(f"model file {path}: {name} holds a rate or deviation below 0, which none can be")
+    if (arrays["intention"] > MOST_CHANGES_PER_S).any():
+        raise ModelFileError(f"model file {path}: intention: no driver begins so many lane changes a second")
     return DriverModel(
         MixtureFollower(
             following=mixture_from_arrays(path, arrays, "following", (6, 1)),

@@ -30,6 +30,7 @@ def test_what_does_not_brake_for_others_is_no_driver(name):
     [
         ("lane-keeping", load_learned_driver, "following.output_scale", lambda values: 100.0 * values, "no driver"),
         ("lane-keeping", load_learned_driver, "lateral", lambda values: 100.0 * values, "aside"),
+        ("lane-keeping", load_learned_driver, "intention", lambda values: 15.0 * values, "lane changes a second"),
         ("lane-keeping", load_learned_driver, "following.weights", np.flip, "mean 0 and variance 1"),
         ("lane-keeping", load_learned_driver, "habit.input_scale", lambda values: 100.0 * values, "habit.input_scale"),
         ("residual", residual_driver, "w3", lambda values: -10.0 * values, "no driver"),
