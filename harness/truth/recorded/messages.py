@@ -6,9 +6,12 @@ moves are put into the fixed one by the transform nearest in time.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from struct import unpack
+from typing import Any, BinaryIO
+from zlib import crc32
 
 import numpy as np
 import pandas as pd
@@ -40,10 +43,10 @@ def read_bag(path: Path, role: str, topic: str | None) -> pd.DataFrame:
         ValueError: There is no such topic, or several that could be meant.
     """
     with path.open("rb") as file:
-        kinds = _kinds(make_reader(file).get_summary())
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[ProtobufDecoders(), RosDecoders()])
+        kinds = _kinds(reader.get_summary(), file)
         wanted = "" if role == EGO else _topic(kinds, role, topic)
         transforms = [name for name, kind in kinds.items() if kind in TRANSFORMS]
-        reader = make_reader(file, decoder_factories=[ProtobufDecoders(), RosDecoders()])
         ways: dict[str, list[tuple[float, *Pose]]] = {}
         boxes: list[dict[str, Any]] = []
         for schema, channel, message, decoded in reader.iter_decoded_messages(topics=[*transforms, wanted]):
@@ -77,13 +80,19 @@ def read_bag(path: Path, role: str, topic: str | None) -> pd.DataFrame:
 def topic_of(path: Path, role: str) -> str:
     """Return the topic that a bag has for ``truth``, ``detections`` or ``tracks``; see ``read_bag`` for errors."""
     with path.open("rb") as file:
-        return _topic(_kinds(make_reader(file).get_summary()), role, None)
+        return _topic(_kinds(make_reader(file).get_summary(), file), role, None)
 
 
-def _kinds(summary: Any) -> dict[str, str]:  # noqa: ANN401
+def _kinds(summary: Any, file: BinaryIO) -> dict[str, str]:  # noqa: ANN401
     """Return the schema's name of each topic."""
     if summary is None:
         raise ValueError("it has no summary: the recording was not ended")
+    # Where the summary and its offsets begin, and its checksum, zero for none; a file ends with eight more bytes.
+    file.seek(-28, os.SEEK_END)
+    begin, _, checksum = unpack("<QQI", file.read(20))
+    file.seek(begin)
+    if checksum and checksum != crc32(file.read()[:-12]):
+        raise ValueError("its summary is damaged")
     return {each.topic: summary.schemas[each.schema_id].name for each in summary.channels.values() if each.schema_id}
 
 
