@@ -17,6 +17,7 @@ from typing import Annotated, Any, TypedDict
 import numpy as np
 import pandas as pd
 
+from harness.common.bounds import Numbers, check_numbers
 from harness.common.errors import InputError
 from harness.common.isolation import trusted
 from harness.common.signals import signals_held
@@ -126,6 +127,8 @@ def score_logs(
     name = logs["name"] or logs["tracks"].name.partition(".")[0]
     against = _of_run(logs, name) if runfolder.is_run_folder(logs["truth"]) else _of_files(logs, name)
     rows = _rows(_log(logs, TRACKS, logs["tracks"]))
+    place, named, stated = f"`tracks`: {logs['tracks']}", rows["id"].tolist(), {"existence": Numbers(0.0, 1.0)}
+    check_numbers(place, rows, stated, lambda row: f"row {row + 1}, track {named[row]}", "mend it or drop the column")
     tracks, report, left_out = _tracks_at(rows, against)
     config, snapshots = against.config.tracked_by(lambda *_: LoggedTracker(tracks)), against.snapshots
     pending = runfolder.open_folder(out, config.default_folder_name(), force)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from harness.common.bounds import OF_THINGS, UNIT, check_columns, check_numbers, row_number
+from harness.common.bounds import OF_THINGS, UNIT, Numbers, check_columns, check_numbers, row_number
 from harness.common.errors import InputError
 from harness.common.isolation import ProcessLimits, isolated
 from harness.common.named import named
@@ -42,6 +42,7 @@ FORMATS = ("parquet", "csv", "kitti", "mot", "nuscenes", "mcap")
 KITTI_VEHICLES, KITTI_NOTHING = ("Car", "Van", "Truck"), "DontCare"
 NUSCENES_VEHICLES = ("car", "truck", "bus", "trailer")
 KITTI_WORDS, PIXELS_PER_M = 17, 100.0
+IDENTITY = {"the identity": Numbers(-1, 2**53, whole=True)}
 IDENTITIES = {TRUTH: "vehicle_id", TRACKS: "track_id", DETECTIONS: "truth_id"}
 OTHER_NAMES = {"x_m": "lon_m", "y_m": "lat_m", "timestamp_s": "time_s", "yaw_rad": "heading_rad"}
 bags: Registry[Callable[[Path, str, str | None], pd.DataFrame]] = Registry(
@@ -165,15 +166,15 @@ def _kitti(log: LogFile, path: Path) -> pd.DataFrame:
         found = of_vehicles(read_detections(path))
         frame, box, more = found[:, 0], found[:, BOX], dict[str, npt.NDArray[Any]]()
     else:
-        rows = [row for row in words_of(path, None, KITTI_WORDS, "boxes") if row[2] != KITTI_NOTHING]
-        kind = np.array([row[2] for row in rows], dtype=np.str_)
-        if log.role != TRUTH:
-            rows = [row for row in rows if row[2] in KITTI_VEHICLES]
-        values = numbers_of(path, [[*row[:2], *row[10:KITTI_WORDS]] for row in rows], 0, 9)
-        frame, box = values[:, 0], values[:, 2:9]
-        more = {} if log.role == DETECTIONS else {"id": values[:, 1].astype(np.int64)}
+        rows = words_of(path, None, KITTI_WORDS, "boxes")
+        identity, kind = numbers_of(path, rows, 1, 2)[:, 0], np.array([row[2] for row in rows], dtype=np.str_)
+        check_numbers(path, {"the identity": identity}, IDENTITY)
+        kept = np.flatnonzero(kind != KITTI_NOTHING if log.role == TRUTH else np.isin(kind, KITTI_VEHICLES))
+        values = numbers_of(path, [[rows[k][0], *rows[k][10:KITTI_WORDS]] for k in kept], 0, 8)
+        frame, box = values[:, 0], values[:, 1:8]
+        more = {} if log.role == DETECTIONS else {"id": identity[kept].astype(np.int64)}
         if log.role == TRUTH:
-            more |= {"pedestrian": ~np.isin(kind, KITTI_VEHICLES)}
+            more |= {"pedestrian": ~np.isin(kind[kept], KITTI_VEHICLES)}
     way = _camera_way(log, path, int(frame.max(initial=0.0)) + 1)
     boxes = boxes_in_plane(path, frame, box, way)
     read = pd.DataFrame(
@@ -202,7 +203,10 @@ def _mot(log: LogFile, path: Path) -> pd.DataFrame:
     rows = words_of(path, ",", 6, "boxes")
     width = min(map(len, rows), default=6)
     values = numbers_of(path, [row[:width] for row in rows], 0, width)
+    check_numbers(path, {"the identity": values[:, 1]}, IDENTITY)
     known = {"time_s": (values[:, 0] - 1.0) * log.step_s, "id": values[:, 1].astype(np.int64)}
+    if log.role == TRUTH:  # it is ignored where the confidence is zero
+        known["pedestrian"] = (values[:, 6:7] == 0.0).any(axis=1)
     if width >= 9 and (values[:, 7:9] != -1.0).any():
         return pd.DataFrame(known | {"lon_m": values[:, 7], "lat_m": values[:, 8]})
     left, top, length, across = (values[:, 2:6] / PIXELS_PER_M).T

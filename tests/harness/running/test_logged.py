@@ -177,6 +177,11 @@ def test_nuscenes_results_with_scores_have_amota_and_amotp_by_its_rules(scored, 
         }
 
 
+def test_a_row_of_mot_truth_with_confidence_0_is_of_something_that_is_not_scored(tmp_path):
+    (path := tmp_path / "gt.txt").write_text("1,1,-1,-1,-1,-1,0,5,0,-1\n1,2,-1,-1,-1,-1,1,9,0,-1\n")
+    assert LogFile(path, "truth").read()["pedestrian"].tolist() == [True, False]
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> harness.Run:
     """Return a run that no test may change."""
@@ -216,11 +221,16 @@ def test_two_logs_of_one_truth_can_be_compared(tmp_path, run):
     assert of.loc["mot.hota", "b"] < of.loc["mot.hota", "a"]
 
 
-def test_a_recording_for_foxglove_is_read_back(tmp_path, run):
+@pytest.mark.forks
+def test_a_recording_for_foxglove_is_read_back_unless_a_bit_of_a_chunk_or_the_summary_flips(tmp_path, run, capfd):
     (bag,) = run_export(run.folder, tmp_path / "mcap")
     assert score(tmp_path, run.folder, Path(f"{bag}:/tracks")) == 0
-    scored, own = metrics_of(tmp_path / "scored"), metrics_of(run.folder)
+    scored, own, data = metrics_of(tmp_path / "scored"), metrics_of(run.folder), bag.read_bytes()
     assert scored["mot"] == own["mot"]
+    for place in (2000, len(data) - 2000):
+        bag.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
+        assert score(tmp_path, run.folder, Path(f"{bag}:/tracks")) == exit_codes.WRONG_INPUT
+        assert capfd.readouterr().err.count("error: --tracks: ") == 1
 
 
 def test_a_bag_of_autoware_s_messages_is_read_back_with_the_same_scores(tmp_path, run):
@@ -386,6 +396,8 @@ BROKEN = {
     "no_number.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,here,0\n",
     "infinite.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,inf,0\n",
     "other_clock.csv": b"time_s,track_id,lon_m,lat_m\n1e6,1,1.0,0\n",
+    "half.txt": b"1,1.5,-1,-1,-1,-1,1,1.0,0,-1\n", "far.txt": b"0 1e20 Car 0 0 0 0 0 0 0 1.5 1.8 4.4 0 1.6 20 0\n",
+    "no_share.csv": b"time_s,track_id,lon_m,lat_m,existence\n0.1,7,1.0,0,\n",
     "half.csv": b"time_s,track_id,lon_m,lat_m\n0.0,4.5,1.0,0\n",
     "drive.csv": b"time_s,episode,track_id,lon_m,lat_m\n0.0,0.5,1,1.0,0\n",
     "below_zero.csv": b"time_s,track_id,lon_m,lat_m\n0.0,-1,1.0,0\n", "cut.json": b'{"results": {"a": [',

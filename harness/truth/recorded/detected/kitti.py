@@ -39,7 +39,7 @@ LABEL_WORDS, DETECTION_WORDS, POSE_WORDS = 17, 15, 12
 KIND, SCORE, ANGLE = 1, 6, 14
 PICTURE, BOX = slice(2, 6), slice(7, 14)
 POSE = {"a pose": PLACE_M, "the distance from a rotation": Numbers(0.0, 0.01)}
-THING = {"the number of a thing": Numbers(0, 10_000_000)}
+THING = {"the number of a thing": Numbers(0, 10_000_000, whole=True)}
 
 
 class SequenceFiles(NamedTuple):
