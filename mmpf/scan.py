@@ -13,6 +13,7 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 VEHICLE_CLASSES = ("unknown", "car", "truck", "bus", "trailer", "motorcycle")
 """Classes of vehicles by their codes; vans are cars, pickups and construction vehicles are trucks."""
+SHORTEST_STEP_S = 1e-3  # scans closer in time are repeated ones
 UNKNOWN_CLASS, CAR, TRUCK, BUS, TRAILER, MOTORCYCLE = range(len(VEHICLE_CLASSES))
 
 
@@ -297,13 +298,13 @@ def check_scan(scan: Scan, previous_time_s: float | None, signals: int | None = 
         signals: How many signals the map has; None if that is not known.
 
     Raises:
-        InvalidScanError: The time is not finite or not later than the previous one, the ego's pose is not finite,
+        InvalidScanError: The time is not finite or not after the previous one, the ego's pose is not finite,
             the detections are impossible (``Detections.validate``), or states of other signals are told than there are.
     """
     if not np.isfinite(scan.time_s):
         raise InvalidScanError(f"scan.time_s is {scan.time_s}, not a finite time")
-    if previous_time_s is not None and scan.time_s <= previous_time_s:
-        raise InvalidScanError(f"scan.time_s is {scan.time_s}, not later than the previous scan's {previous_time_s}")
+    if previous_time_s is not None and scan.time_s - previous_time_s < SHORTEST_STEP_S:
+        raise InvalidScanError(f"scan.time_s is {scan.time_s}, less than 1 ms after the last scan's {previous_time_s}")
     for column in fields(scan.ego):
         if not np.isfinite(getattr(scan.ego, column.name)):
             raise InvalidScanError(f"scan.ego.{column.name} is not finite")

@@ -114,7 +114,7 @@ def test_a_refused_scan_leaves_the_filter_as_it_was() -> None:
     tracker = tracker_with()
     before = drive(tracker, 10, [(20.0, lane_centre(2))])
     without_signals = replace(scan_of(1.0, []), open_signals=np.array([True]))
-    for bad in (scan_of(0.5, []), scan_of(1.0, [(np.nan, 1.0)]), scan_of(1.0, [(1.0, np.inf)]), without_signals):
+    for bad in (scan_of(0.9 + 1e-6, []), scan_of(1.0, [(np.nan, 1.0)]), scan_of(1.0, [(1.0, np.inf)]), without_signals):
         with pytest.raises(InvalidScanError):
             tracker.step(bad)
     after = drive(tracker, 1, [(20.0, lane_centre(2))], first_step=10)
