@@ -52,8 +52,8 @@ class Conditional(NamedTuple):
 
 
 NEGLIGIBLE_LOG_WEIGHT = -16.0
-# A block of all components' log-weights stays in the processor's first cache.
-BLOCK = 128
+# A block of all components' log-weights stays in the processor's second cache.
+BLOCK = 256
 
 
 @kernel(fastmath=True)
