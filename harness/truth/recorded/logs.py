@@ -199,7 +199,7 @@ def _camera_way(log: LogFile, path: Path, frames: int) -> CameraWay:
 
 
 def _mot(log: LogFile, path: Path) -> pd.DataFrame:
-    """Read MOTChallenge lines: with x and y in the plane in columns 8 and 9, or boxes from above, a pixel a cm."""
+    """Read MOTChallenge lines: with x, y, z in the plane in columns 8 to 10, or boxes from above, a pixel a cm."""
     rows = words_of(path, ",", 6, "boxes")
     width = min(map(len, rows), default=6)
     values = numbers_of(path, [row[:width] for row in rows], 0, width)
@@ -207,7 +207,7 @@ def _mot(log: LogFile, path: Path) -> pd.DataFrame:
     known = {"time_s": (values[:, 0] - 1.0) * log.step_s, "id": values[:, 1].astype(np.int64)}
     if log.role == TRUTH:  # it is ignored where the confidence is zero
         known["pedestrian"] = (values[:, 6:7] == 0.0).any(axis=1)
-    if width >= 9 and (values[:, 7:9] != -1.0).any():
+    if width >= 10 and (values[:, 7:9] != -1.0).any():  # nine columns end with class and visibility
         return pd.DataFrame(known | {"lon_m": values[:, 7], "lat_m": values[:, 8]})
     left, top, length, across = (values[:, 2:6] / PIXELS_PER_M).T
     known |= {"lon_m": left + 0.5 * length, "lat_m": -(top + 0.5 * across), "length_m": length, "width_m": across}

@@ -177,9 +177,9 @@ def test_nuscenes_results_with_scores_have_amota_and_amotp_by_its_rules(scored, 
         }
 
 
-def test_a_row_of_mot_truth_with_confidence_0_is_of_something_that_is_not_scored(tmp_path):
-    (path := tmp_path / "gt.txt").write_text("1,1,-1,-1,-1,-1,0,5,0,-1\n1,2,-1,-1,-1,-1,1,9,0,-1\n")
-    assert LogFile(path, "truth").read()["pedestrian"].tolist() == [True, False]
+def test_mot_truth_is_boxes_with_class_and_visibility_and_is_not_scored_with_confidence_0(tmp_path):
+    (path := tmp_path / "gt.txt").write_text("1,1,300,-100,400,200,0,1,.5\n1,2,700,-100,400,200,1,1,.7\n")
+    assert LogFile(path, "truth").read()[["lon_m", "pedestrian"]].to_numpy().tolist() == [[5.0, True], [9.0, False]]
 
 
 @pytest.fixture(scope="module")
