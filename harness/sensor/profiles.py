@@ -69,7 +69,7 @@ def _first_complaint(error: ValidationError) -> str:
 
 @sensor_profiles.register("ideal")
 def ideal() -> SensorSettings:
-    """Return The detector of the paper: every vehicle that is not hidden is detected; there are no false detections.
+    """Return the detector of the paper: every vehicle that is not hidden is detected; there are no false detections.
 
     A vehicle of which less than 0.16 is seen counts as completely occluded (Li, Zhan & Tomizuka 2018 do not say where
     they draw the line; 0.16 is taken). There are no misses, no clutter, no drift; the position errors are those of
