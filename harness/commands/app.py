@@ -37,23 +37,23 @@ LONGEST_LINE = 1200
 # What the overview tells of each command, under a heading.
 PANELS = {
     "Run and look": {
-        "run": "Simulate, sense, track and score once; write a run folder with tables and figures.",
+        "run": "Simulate traffic or replay a recording, track, score; write tables and a page.",
         "nets": "List the bundled road networks and their named demands.",
         "settings": "List every setting: default, unit and meaning.",
-        "score": "Score a log of a tracker against a truth, in one of several formats.",
-        "report": "Write a run's page of results.",
-        "export": "Turn a run into another program's format.",
+        "score": "Score the log of a tracker that ran elsewhere.",
+        "report": "Write the page of a run again, or its figures.",
+        "export": "Write a run in another program's format.",
     },
     "Compare": {
-        "compare": "Decide whether one run is better or worse than another.",
-        "stress": "Run many densities, models and seeds.",
+        "compare": "Decide whether B is worse than A: worse, no worse or undecided.",
+        "stress": "Run many densities, trackers and seeds.",
         "drive": "Let the ego drive on a tracker's output; count collisions and conflicts.",
-        "study": "Repeat the paper's cases; compare the models by situation, on real roads too.",
+        "study": "Compare motion models by situation, and repeat the paper's cases.",
         "bench": "Measure the computing time of trackers.",
         "check-tracker": "Check that your own tracker (Python or a program) meets the tracker interface.",
     },
     "Models and traffic": {
-        "train": "Fit and select the behaviour model.",
+        "train": "Fit motion models to simulated traffic.",
         "fidelity": "Compare the simulated traffic with measured traffic.",
         "calibrate": "Fit the simulated traffic to recorded traffic.",
     },

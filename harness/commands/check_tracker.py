@@ -42,7 +42,7 @@ def command(options: Options) -> int:
 
     Examples:
       python -m harness check-tracker exec:./my_tracker
-      python -m harness check-tracker my_tracker:NearestNeighbour --set tracker.options.gain=0.4
+      python -m harness check-tracker mine:Tracker --set tracker.options.gain=0.4
     """
     table: dict[str, Any] = merged(None, {}, options["settings"] or ())
     own = table.get("tracker", {}).get("options", {})

@@ -30,14 +30,12 @@ class Options(TypedDict):
         Path | None, Option("TOML file of metrics with tolerances, floors and ceilings: see docs/tutorials/gate.md.")
     ]
     tolerance: Annotated[
-        float | None, Option("Largest accepted loss, as a share of A's value. (default: 0.02)", least=0.0, most=1.0)
+        float | None, Option("Accepted loss, a share of A's value. (default: 0.02)", metavar="SHARE", least=0, most=1)
     ]
     time_tolerance: Annotated[
         float | None,
         Option(
-            "The same for the time per step; it gets a verdict only within one stress test. (default: 0.25)",
-            least=0.0,
-            most=100.0,
+            "The same for the time per step, in one stress test. (default: 0.25)", metavar="SHARE", least=0, most=100
         ),
     ]
     primary: Annotated[
@@ -83,7 +81,7 @@ def command(options: Options) -> int:
     Examples:
       python -m harness compare results/before results/after
       python -m harness compare results/after --baseline results/reference
-      python -m harness compare 'results/stress@mmpf cvm' 'results/stress@mmpf gmm'
+      python -m harness compare 'results/a@mmpf cvm' 'results/a@mmpf gmm'
       python -m harness compare --suite standard --markdown comment.md
       python -m harness compare --suite standard --record
       python -m harness compare base head --gate gate.toml --junit gate.xml

@@ -39,7 +39,7 @@ def command(options: Options) -> None:
       python -m harness drive --density 45 --perception truth,mmpf,detections
       python -m harness drive --net priority --provoke cross --heed-unseen 0.1
       python -m harness drive --provoke stopped --flow 15 --perception mmpf,pmbm
-      python -m harness drive --driver idm --perception mmpf,stonesoup-jpda --resume
+      python -m harness drive --driver idm --perception mmpf,pmbm --resume
       python -m harness compare 'results/drive@mmpf' 'results/drive@detections'
     """
     from harness.commands.actions.make_drives import make_drives, tell  # noqa: PLC0415

@@ -55,10 +55,10 @@ def command(options: Options) -> None:
     --video: a top-view video.
 
     Examples:
-      python -m harness export results/us101-mmpf-residual-d20-s0 --to mot
-      python -m harness export results/us101-mmpf-residual-d20-s0 --to fcd --out us101.xml.gz
-      python -m harness export results/us101-mmpf-residual-d20-s0 --video run.mp4
-      python -m harness export results/us101-mmpf-residual-d20-s0 --to my_format:write
+      python -m harness export results/first --to mot
+      python -m harness export results/first --to fcd --out us101.xml.gz
+      python -m harness export results/first --video run.mp4
+      python -m harness export results/first --to my_format:write
     """
     from harness.export.formats import export_formats, export_run  # noqa: PLC0415
 

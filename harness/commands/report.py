@@ -38,7 +38,7 @@ def command(options: Options) -> None:
     test, its curves.
 
     Examples:
-      python -m harness report results/us101-mmpf-residual-d20-s0
+      python -m harness report results/first
       python -m harness report results/stress --figures pdf
     """
     from harness.report.folder_page import write_page  # noqa: PLC0415

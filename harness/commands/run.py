@@ -37,8 +37,8 @@ def command(options: Options) -> None:
       python -m harness run --replay pandaset
       python -m harness run --replay us101.csv --ego each --duration 120
       python -m harness run --replay kitti --format kitti-tracking
-      python -m harness run --config results/cam/config.toml --set sensor.range_m=80
-      python -m harness run --demand us101-0805 --set tracker.options.joint.association.gate_std=4
+      python -m harness run --config config.toml --set sensor.range_m=80
+      python -m harness run --set tracker.options.joint.association.gate_std=4
     """
     from harness.api import make_run  # noqa: PLC0415
 

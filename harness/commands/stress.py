@@ -40,13 +40,13 @@ def command(options: Options) -> None:
 
     Examples:
       python -m harness stress --models gmm,idm,cvm,cam --seeds 10
-      python -m harness stress --trackers mmpf,mmpf+update=max_likelihood,stonesoup-jpda
+      python -m harness stress --trackers mmpf,mmpf+update=max_likelihood,pmbm
       python -m harness stress --densities 30 --vary sensor.range_m=40:160:20
       python -m harness stress --densities 20,40 --duration 20 --resume
       python -m harness stress --densities 20,45 --seeds 3 --keep runs
       python -m harness stress --nets us101,curve,junction --seeds 5
       python -m harness stress --nets curve,junction --demands light,heavy
-      python -m harness stress --densities 20,45 --mismatch --trackers mmpf,stonesoup-jpda
+      python -m harness stress --densities 20,45 --mismatch --trackers mmpf,pmbm
       python -m harness stress --replay RUN --mismatch all --trackers mmpf,pmbm
       python -m harness stress --replay FOLDER --trackers mmpf,stonesoup-jpda
       python -m harness stress --replay kitti/label_02 --format kitti-tracking

@@ -36,7 +36,7 @@ class Options(TypedDict):
         ),
     ]
     cache: shared.Cache
-    real_data: Annotated[Path | None, Option("Folder of real recordings, for situations. (default: none)")]
+    real_data: Annotated[Path | None, Option("Folder of real recordings, for situations. (default: simulated)")]
     out: Annotated[Path | None, Option("Folder to write. (default: results/study-CASE)")]
     json: shared.Json
     quiet: shared.Quiet
@@ -59,7 +59,7 @@ def command(options: Options) -> None:
       python -m harness study lane-keeping
       python -m harness study lane-change --models gmm,cvm,cam --cases 100
       python -m harness study situations --real-data recordings
-      python -m harness study situations --real-data recordings --models residual --model-file residual.npz
+      python -m harness study situations --models residual --model-file my.npz
       python -m harness study ablation
     """
     parameters, study = NO_CHOICE.get(options["case"], (("real_data",), "a study of simulated traffic"))

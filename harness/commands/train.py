@@ -1,4 +1,4 @@
-"""``train``: fit and select the behaviour model."""
+"""``train``: fit motion models to simulated traffic."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Options(TypedDict):
         str | None,
         Option(
             "Network by name, or your own: a folder or .sumocfg file. --case turning takes several: A,B. (default: "
-            "us101; turning: junction,priority,roundabout)"
+            "us101; turning: junction, priority and roundabout)"
         ),
     ]
     case: Annotated[
@@ -55,7 +55,7 @@ class Options(TypedDict):
 
 
 def command(options: Options) -> None:
-    """Record SUMO traffic, fit behaviour models to it, and write model files with their cards.
+    """Record SUMO traffic, fit motion models to it, and write model files with their cards.
 
     Recordings are kept, so an interrupted training can continue.
 

@@ -80,7 +80,7 @@ Hide = Annotated[
     str | list[float] | None,
     Option(
         "Withhold the detections of moving vehicles for these numbers of seconds, each after 2 s in view; trackers do "
-        "not know.",
+        "not know. (default: none)",
         "altered.hide_s",
         TRAFFIC,
         metavar="1,2,3,5",
@@ -99,14 +99,14 @@ Settings = Annotated[
     Option("Set any setting by its key in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
 ]
 Seed = Annotated[int, Option("Root seed of all random numbers.", default=0, least=0, most=MOST_SEED)]
-Cache = Annotated[Path | None, Option("Cache folder of recorded traffic. (default: results/cache/traffic/NET-...)")]
+Cache = Annotated[Path | None, Option("Cache folder of recorded traffic. (default: one in results/cache/traffic)")]
 Resume = Annotated[
     bool, Option("Reuse finished runs in --out; compute the missing ones.", panel=EXECUTION, default=False)
 ]
 RetryFailed = Annotated[bool, Option("Like --resume, and repeat failed runs.", panel=EXECUTION, default=False)]
 Workers = Annotated[int | None, Option("Worker processes. (default: one per core)", panel=EXECUTION, least=1)]
 TimeoutPerRun = Annotated[
-    float | None, Option("Stop a run after this many seconds and count it as failed.", panel=EXECUTION, least=0.1)
+    float | None, Option("Stop and fail a run after this many seconds. (default: never)", panel=EXECUTION, least=0.1)
 ]
 Json = Annotated[bool, Option("Print only the result, as JSON, on stdout.", default=False)]
 Quiet = Annotated[bool, Option("Print no progress bar and no tables.", default=False)]
@@ -138,8 +138,8 @@ class RunOptions(TypedDict, total=False):
         str | None,
         Option(
             "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, pandaset, scenarionet, gpudrive, "
-            "kitti-tracking, av2, or your own reader, module:function. (default: detected from the content; the last "
-            "three must be named)",
+            "autoware, kitti-tracking, av2, or your own reader, module:function. (default: detected from the content; "
+            "kitti-tracking and av2 must be named)",
             "traffic.recording.format",
             TRAFFIC,
         ),
@@ -165,16 +165,16 @@ class RunOptions(TypedDict, total=False):
     ]
     tracker: Annotated[
         str | Callable[..., Any] | None,
-        Option("Tracker by name, or module:factory. (default: mmpf)", "tracker.name", TRACKING),
+        Option("pmbm, oc-sort, ..., module:factory or exec:COMMAND. (default: mmpf)", "tracker.name", TRACKING),
     ]
     model: Annotated[
         str | None,
-        Option("Motion model: gmm, idm, cvm, ..., or module:Class. (default: residual)", "tracker.model", TRACKING),
+        Option("Motion model of mmpf: gmm, cvm, ..., or module:Class. (default: residual)", "tracker.model", TRACKING),
     ]
     update: Annotated[
-        str | None, Option("Measurement update by name, e.g. joint, max_likelihood.", "tracker.update", TRACKING)
+        str | None, Option("Update rule of mmpf: joint or max_likelihood. (default: joint)", "tracker.update", TRACKING)
     ]
-    particles: Annotated[int | None, Option("Particles per vehicle.", "tracker.particles", TRACKING)]
+    particles: Annotated[int | None, Option("Particles per vehicle. (default: 1000)", "tracker.particles", TRACKING)]
     model_file: Annotated[
         str | Path | None,
         Option(

@@ -78,7 +78,7 @@ class GridOptions(TypedDict, total=False):
     broken_down: shared.BrokenDown
     hide: shared.Hide
     duration: Annotated[float | None, Option("Scored seconds per run. (default: 60)", panel=GRID)]
-    particles: Annotated[int | None, Option("Particles per vehicle, for mmpf.", panel=GRID)]
+    particles: Annotated[int | None, Option("Particles of mmpf per vehicle. (default: 1000)", panel=GRID)]
     sensor: shared.Sensor
     settings: shared.Settings
     out: Annotated[Path | str, Option("Folder to write.", panel=EXECUTION, default=Path("results/stress"))]
@@ -87,7 +87,9 @@ class GridOptions(TypedDict, total=False):
     workers: shared.Workers
     keep: Annotated[
         str | None,
-        Option("runs: also keep the folder and page of every run, in OUT/kept.", panel=EXECUTION, metavar="runs"),
+        Option(
+            "runs: also keep each run's folder and page in OUT/kept. (default: no)", panel=EXECUTION, metavar="runs"
+        ),
     ]
     scheduler: Annotated[
         str | None, Option("Run on this Dask cluster: tcp://host:8786.", panel=EXECUTION, metavar="ADDRESS")

@@ -67,7 +67,7 @@ class Logs(TypedDict):
         float | None,
         Option("Seconds between frames with only a number. (default: 0.1)", metavar="SECONDS", least=0.001),
     ]
-    sensor: Annotated[str | None, Option("Sensor profile whose range and field of view are used.")]
+    sensor: Annotated[str | None, Option("Sensor profile whose range and field of view are used. (default: lidar)")]
     settings: Annotated[
         list[str] | None, Option("A setting of the sensor; repeatable.", flag="--set", metavar="sensor.KEY=VALUE")
     ]
