@@ -1,7 +1,5 @@
 """What docs teach is imported from ``harness``, ``harness.plugins`` and ``mmpf``, and from nothing deeper."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import re

@@ -1,7 +1,5 @@
 """The examples of the Python pages are run as they stand, and the README stays short."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

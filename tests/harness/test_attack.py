@@ -4,8 +4,6 @@ A row says how an input is made, which command reads it, the exit code and a wor
 the attack's own.
 """
 
-from __future__ import annotations
-
 import gzip
 import os
 import re

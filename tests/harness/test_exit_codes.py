@@ -1,7 +1,5 @@
 """The exit codes that scripts rely on: one table, and it is what the commands do."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re

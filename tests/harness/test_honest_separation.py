@@ -1,7 +1,5 @@
 """A tracker run with the truth replaced by noise gives the very same tracks: it never sees the truth."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

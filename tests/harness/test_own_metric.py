@@ -1,7 +1,5 @@
 """A metric that a user registers is in every result, by its registration alone."""
 
-from __future__ import annotations
-
 import copy
 import json
 import shutil

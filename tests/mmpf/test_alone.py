@@ -1,7 +1,5 @@
 """The filter runs and installs without the harness and what only the harness needs."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tomllib

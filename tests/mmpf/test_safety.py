@@ -1,7 +1,5 @@
 """Small drives in which a filter that is too sure of false objects, or of vehicles, would endanger somebody."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial

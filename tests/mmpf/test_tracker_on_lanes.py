@@ -1,7 +1,5 @@
 """The filter on a crossing: oncoming, crossing and turning vehicles, and one that turns while nobody sees it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

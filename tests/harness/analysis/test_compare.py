@@ -1,7 +1,5 @@
 """Comparisons of folders, as the command makes them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is refused, or listed, where two folders are not one experiment with two trackers."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The gate of a change: exit codes, JUnit's XML, summary and file of limits, and how often its verdict is right."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree

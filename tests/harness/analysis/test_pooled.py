@@ -1,7 +1,5 @@
 """Scores over several recorded files: pooled by their samples, with intervals over files, beside coasting."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -5,8 +5,6 @@ fall otherwise. How much was measured by runs with 200, 201, 202 and 203 particl
 40 vehicles per km and lane, 30 s: standard deviations of a cell's difference as shares of its value.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

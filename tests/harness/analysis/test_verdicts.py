@@ -1,7 +1,5 @@
 """Verdicts: three words, what each needs, their false alarms and their power."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The list of settings: complete, explained, with the defaults that a run takes, in units that one can hold."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from typing import get_args

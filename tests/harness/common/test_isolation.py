@@ -1,7 +1,5 @@
 """What is read in a fork can do nothing but tell what it found; whatever becomes of it is one line."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import socket

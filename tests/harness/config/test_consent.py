@@ -1,7 +1,5 @@
 """A configuration from elsewhere does not choose which code is run."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

@@ -1,7 +1,5 @@
 """Each format read back by the program that it is meant for."""
 
-from __future__ import annotations
-
 import errno
 import gzip
 import json

@@ -1,7 +1,5 @@
 """Tracks of a recording in KITTI's layout: boxes in the camera's frame, of what is in sight."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Several networks in one grid: each at its own middle density, and scores by network."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

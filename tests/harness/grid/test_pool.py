@@ -1,7 +1,5 @@
 """How well worker processes share the work, and which cell each is given next."""
 
-from __future__ import annotations
-
 import os
 import statistics
 from time import perf_counter

@@ -1,7 +1,5 @@
 """Whole grids on stand-in traffic in this process, and a few on SUMO in real workers."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

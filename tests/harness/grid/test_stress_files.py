@@ -1,7 +1,5 @@
 """What a stress test says, keeps and writes, in files and words that are known beforehand; the runs are made up."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import json

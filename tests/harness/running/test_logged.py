@@ -1,7 +1,5 @@
 """Logs of any origin are scored as runs are: the formats agree, what they lack is worked out, broken ones are told."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """A long run is kept stretch by stretch: same rows, same scores, and never all of it in memory."""
 
-from __future__ import annotations
-
 import json
 import signal
 from collections.abc import Sequence

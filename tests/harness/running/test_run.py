@@ -1,7 +1,5 @@
 """Whole runs on stand-in traffic, and a few on SUMO."""
 
-from __future__ import annotations
-
 import errno
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The vectorised rules equal the same rules written down as plain loops over steps and vehicles."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """HOTA, CLEAR and identity scores equal those of TrackEval."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One rule says which tracks are in sight: it follows from the detections, whatever trackers say of their tracks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Detections on record are handed out as they are, with what they say of themselves."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

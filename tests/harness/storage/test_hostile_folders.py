@@ -1,7 +1,5 @@
 """Run folders of others: measured before they are read, and no name in them is a path."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What stands still amid moving traffic is tentative, whatever tracker reports it, but not a vehicle that braked."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whatever a tracker from elsewhere does is one line that names it, and what is recorded is not in its hands."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """Trackers that are programs: the protocol, the examples, and programs that misbehave."""
 
-from __future__ import annotations
-
 import shlex
 import shutil
 import subprocess

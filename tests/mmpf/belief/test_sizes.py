@@ -1,7 +1,5 @@
 """Measured sizes: what they say of a vehicle, what a tracker makes of them, and what it does without."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A vehicle that appears in plain view amid flowing traffic is reported within seconds at any detection rate."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Manoeuvres that no model foresees: who begins them, who goes on with them, and what a filter gains by them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Who has a track in plain view: tiny scenes with known answers, and plain loops over a lively run."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

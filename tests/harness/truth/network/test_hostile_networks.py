@@ -1,7 +1,5 @@
 """Networks from elsewhere: what would hang, crash or write files is refused or left out, before SUMO reads it."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Files that are no recording, or one that nobody drove: refused at once, in one line that names the file."""
 
-from __future__ import annotations
-
 import os
 import re
 import time

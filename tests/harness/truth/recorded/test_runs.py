@@ -1,7 +1,5 @@
 """Runs on recorded traffic: from the command line's options to a folder that can be replayed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

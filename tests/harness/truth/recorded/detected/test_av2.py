@@ -1,7 +1,5 @@
 """Argoverse 2's cuboids become truth in the city's plane; who has three points on it is seen."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
