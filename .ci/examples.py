@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
@@ -97,14 +99,25 @@ def _words(line: str) -> str:
     return re.sub(r"\s+", " ", re.sub(r"[-+]?\d[\d.]*", "#", line)).strip()
 
 
+@cache
+def begun(commands: str) -> tuple[str, tempfile.TemporaryDirectory[str]]:
+    """Run a page's first block in a new folder, once for all pages that begin with it; return its output and folder."""
+    folder = tempfile.TemporaryDirectory()
+    for file, content in files().items():
+        (Path(folder.name) / file).write_text(content, encoding="utf-8")
+    return run(commands, Path(folder.name)), folder
+
+
 def current(page: Path) -> str:
     """Run the examples of a page and return the page with today's output."""
     text = page.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as name:
-        for file, content in files().items():
-            (Path(name) / file).write_text(content, encoding="utf-8")
-        for example in list(examples(text)):
-            printed = run(example.commands, Path(name))
+        for place, example in enumerate(list(examples(text))):
+            if place == 0:
+                printed, first = begun(example.commands)
+                shutil.copytree(first.name, name, dirs_exist_ok=True)
+            else:
+                printed = run(example.commands, Path(name))
             if example.shown is not None:
                 text = text.replace(example.shown, "\n".join([*matched(example.shown, printed), ""]))
     return text
