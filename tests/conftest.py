@@ -12,9 +12,12 @@ sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
+LONGEST = ("test_examples", "test_drive", "test_size", "test_cluster", "test_plug_ins", "test_kills", "test_readme")
+
+
 def pytest_collection_modifyitems(items):
-    """Begin with the pages, which take longest: begun last, one of them would keep a worker while the others idle."""
-    items.sort(key=lambda item: "test_examples" not in item.nodeid)
+    """Begin with what takes longest: begun last, one of these would keep a worker while the others idle."""
+    items.sort(key=lambda item: next((k for k, name in enumerate(LONGEST) if name in item.nodeid), len(LONGEST)))
 
 
 def pytest_collection_finish():
