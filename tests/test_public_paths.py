@@ -98,6 +98,7 @@ HEAVY = {"libsumo", "matplotlib", "numba", "numpy", "pandas", "pydantic", "scipy
         ("import harness.plugins, mmpf", HEAVY),
         ("from mmpf import Scan, Detections, Tracks, CONFIRMED, check_scan, highway", HEAVY - {"numpy"}),
         ("from mmpf import MixtureTracker", {"libsumo", "traci", "matplotlib", "harness"}),
+        ("import harness; [getattr(harness, name) for name in harness.__all__]", {"libsumo", "matplotlib"}),
     ],
 )
 def test_nothing_heavy_is_loaded_before_it_is_needed(statement: str, unloaded: set[str]) -> None:

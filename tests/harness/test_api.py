@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 from html import escape
 from pathlib import Path
 
@@ -114,15 +112,6 @@ def test_a_dictionary_of_settings_says_what_the_command_line_says():
     }
     words = ["sensor.range_m=80", "tracker.options.joint.gate_std=4.0", 'sensor.word="b c"', "sensor.on=true"]
     assert resolve_run_config(settings=setting_words(told)) == resolve_run_config(settings=words)
-
-
-def test_importing_loads_neither_sumo_nor_figures():
-    script = (
-        "import sys, harness; [getattr(harness, name) for name in harness.__all__];"
-        "print([name for name in ('libsumo', 'matplotlib') if name in sys.modules])"
-    )
-    answer = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert answer.stdout.strip() == "[]"
 
 
 def test_a_run_leaves_its_folder_and_tables(run):

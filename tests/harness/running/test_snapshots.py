@@ -31,10 +31,10 @@ def test_nothing_is_simulated_before_it_is_looked_at():
 
 def test_kept_snapshots_and_those_made_ahead_are_the_live_ones_and_the_traffic_is_closed():
     for made in (SnapshotStream.kept, SnapshotStream.made_ahead):
-        traffic = SteadyTraffic(steps=60)
+        traffic = SteadyTraffic(steps=20)
         stream = made(snapshots_from(traffic))
-        assert stream.expected_steps == 60
-        for live, again in zip(snapshots_from(SteadyTraffic(steps=60)), stream, strict=True):
+        assert stream.expected_steps == 20
+        for live, again in zip(snapshots_from(SteadyTraffic(steps=20)), stream, strict=True):
             assert live.frame.lon_m.tobytes() == again.frame.lon_m.tobytes()
             assert live.observation.scan.detections.lon_m.tobytes() == again.observation.scan.detections.lon_m.tobytes()
         if made is SnapshotStream.made_ahead:

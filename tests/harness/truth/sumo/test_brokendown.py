@@ -64,7 +64,7 @@ def test_the_ego_of_a_minute_passes_it():
 
 
 def test_without_any_the_traffic_is_the_same_as_if_there_were_no_such_option():
-    asked, unasked = drive(duration_s=4.0, broken_down=0), drive(duration_s=4.0)
+    asked, unasked = drive(demand=8.0, duration_s=1.0, broken_down=0), drive(demand=8.0, duration_s=1.0)
     assert all(np.array_equal(a.lon_m, b.lon_m) for a, b in zip(asked, unasked, strict=True))
     assert resolve_run_config(None, {}).as_table() == resolve_run_config(None, {"broken_down": 0}).as_table()
     assert "broken_down" not in resolve_run_config(None, {}).as_table()["traffic"]
