@@ -60,6 +60,7 @@ def test_page_imports_names_that_exist(page: Path) -> None:
             assert hasattr(importlib.import_module(module), name), f"{module}.{name}"
 
 
+@pytest.mark.slow
 def test_docstrings_import_from_public_modules_alone() -> None:
     paths = [path for package in ("harness", "mmpf") for path in (ROOT / package).rglob("*.py")]
     imported = {module for path in paths for text in docstrings_of(path) for module, _ in IMPORT.findall(text)}

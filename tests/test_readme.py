@@ -27,6 +27,7 @@ def test_the_harness_from_python_runs_and_compares_as_on_its_page(tmp_path: Path
     assert (tmp_path / page).is_file()
 
 
+@pytest.mark.slow
 def test_the_filter_alone_tracks_the_two_cars_of_its_page() -> None:
     done = subprocess.run([sys.executable, "-c", FILTER], capture_output=True, text=True, timeout=120, check=True)
     numbers = [float(number) for number in re.findall(r"[-+.\d]+", done.stdout)]

@@ -38,7 +38,8 @@ def run(tmp_path_factory) -> harness.Run:
         ({"net": 3}, "`net`: give a text or a path, not 3"), ({"net": Path("nosuch.sumocfg")}, "`net` nosuch.sumocfg"),
         ({"sensor": "sonar"}, "`sensor`.*sonar"), ({"tracker": "nosuch"}, "`tracker` nosuch"),
         ({"tracker": 3}, "`tracker`: give a text or a function, not 3"),
-        ({"tracker": "no_such_module:make"}, "no_such_module"), ({"model": "nosuch"}, "`model`.*nosuch"),
+        pytest.param({"tracker": "no_such_module:make"}, "no_such_module", marks=pytest.mark.slow),
+        ({"model": "nosuch"}, "`model`.*nosuch"),
         ({"update": "nosuch"}, "update"), ({"model_file": "nosuch.npz"}, "nosuch.npz"),
         ({"replay": "nosuch"}, "`replay`: .*nosuch"), ({"format": "ngsim"}, "`format`"), ({"ego": "auto"}, "`ego`"),
         ({"config": "nosuch.toml"}, "`config`: nosuch.toml is missing"),
@@ -143,6 +144,7 @@ def test_the_manifest_tells_the_call(run):
     assert manifest["command"].startswith(f"harness.run(replay={scene!r}, seed=3, tracker=echo_tracker, out=")
 
 
+@pytest.mark.slow
 def test_a_tracker_handed_over_is_one_named_by_its_place(run, tmp_path):
     place, scene = "tests.harness.stand_ins:echo_tracker", run.folder.with_name("scene")
     named = harness.run(replay=scene, seed=3, tracker=place, out=tmp_path / "named")

@@ -357,7 +357,10 @@ INPUTS: dict[str, Input] = {
     # Model files.
     "covariances of 1e-300": model(covariances=1e-300),
 }
-SLOW = [name for name in INPUTS if re.search("fcd4|av214|rf45|net36|net27|64 GB", name)]
+SLOW = re.compile(
+    r"fcd4|fcd33|av214|rf45|rf14|net25|net27|net36|net44|sec0[246]|64 GB|beside the net|\[own|wrong dir|meta"
+    r"|full path|net23|every second|lane 99|fraction 5|sixth step|writes the"
+)
 
 
 def untouched(folder: Path) -> dict[str, tuple[int, int]]:
@@ -366,11 +369,7 @@ def untouched(folder: Path) -> dict[str, tuple[int, int]]:
     return {file: state for file, state in state_of(folder).items() if not own.match(file)}
 
 
-def slow_marked(name: str) -> object:
-    return pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name
-
-
-@pytest.mark.parametrize("name", [*map(slow_marked, INPUTS)])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if SLOW.search(n) else ()) for n in INPUTS])
 def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(name, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)

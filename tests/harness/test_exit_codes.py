@@ -44,6 +44,7 @@ def test_a_signals_code_is_what_a_shell_says_of_it():
     assert exit_codes.READER_GONE == 128 + signal.SIGPIPE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["run", "--help"], ["settings"]])
 def test_output_whose_reader_has_gone_ends_without_a_word(words):
     read, write = os.pipe()

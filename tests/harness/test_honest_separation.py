@@ -41,10 +41,10 @@ def scrambled(recording: Path) -> Path:
 @pytest.mark.parametrize(
     ("tracker", "options"),
     [
-        ("mmpf", {"model": "gmm", "particles": 200}),
+        pytest.param("mmpf", {"model": "gmm", "particles": 200}, marks=pytest.mark.slow),
         ("mmpf", {"model": "cvm", "particles": 200}),
-        ("mmpf", {"model": "gmm", "particles": 200, "update": "max_likelihood"}),
-        ("stonesoup-gnn", {}),
+        pytest.param("mmpf", {"model": "gmm", "particles": 200, "update": "max_likelihood"}, marks=pytest.mark.slow),
+        pytest.param("stonesoup-gnn", {}, marks=pytest.mark.slow),
     ],
     ids=["mmpf gmm", "mmpf cvm", "mmpf gmm max_likelihood", "stonesoup-gnn"],
 )
@@ -58,7 +58,10 @@ def test_noise_in_place_of_truth_changes_no_track(recording, scrambled, tracker,
 
 @pytest.mark.parametrize(
     ("tracker", "options", "minds_sizes"),
-    [("mmpf", {"model": "cvm", "particles": 200}, True), ("stonesoup-gnn", {}, False)],
+    [
+        ("mmpf", {"model": "cvm", "particles": 200}, True),
+        pytest.param("stonesoup-gnn", {}, False, marks=pytest.mark.slow),
+    ],
     ids=["mmpf", "stonesoup-gnn"],
 )
 def test_measured_sizes_reach_the_tracker_which_may_ignore_them(recording, tracker, options, minds_sizes, tmp_path):

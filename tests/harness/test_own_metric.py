@@ -25,7 +25,7 @@ from harness.scoring.metrics import registry
 from tests.harness.grid.executors import InProcess
 from tests.harness.stand_ins import SteadyTraffic, observing
 
-pytestmark = pytest.mark.usefixtures("read_here")
+pytestmark = [pytest.mark.usefixtures("read_here"), pytest.mark.slow]
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 STEPS = 8

@@ -166,6 +166,7 @@ def test_what_is_no_reader_is_told_before_anything_is_read(written, told, exampl
         resolve_run_config(options={"replay": str(tmp_path / "file"), "format": "no_reader:read"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["speeds", "plugin_example:write_speeds"])
 def test_an_export_format_of_another_package_is_found_by_its_name_or_its_place(name, example, tmp_path):
     folder = write_recorded_scene(tmp_path / "run")
@@ -177,6 +178,7 @@ def test_an_export_format_of_another_package_is_found_by_its_name_or_its_place(n
         export_run(folder, "sped")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("returned", "told"),
     [

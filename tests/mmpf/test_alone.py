@@ -35,7 +35,8 @@ print(round(float(tracks.lon_m[0])))
 """
 
 
-@pytest.mark.parametrize("rule", ["joint", pytest.param("max_likelihood", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["joint", "max_likelihood"])
 def test_the_filter_tracks_a_car_where_only_its_own_packages_are_installed(rule: str) -> None:
     run = subprocess.run([sys.executable, "-c", SCRIPT, rule], capture_output=True, text=True, check=False, cwd=ROOT)
     assert (run.stdout.strip(), run.stderr) == ("38", "")

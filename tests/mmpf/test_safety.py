@@ -85,6 +85,7 @@ def is_reported(tracks: Tracks, place: Place) -> bool:
     return bool((near & (tracks.state != TENTATIVE)).any())
 
 
+@pytest.mark.slow
 @EVERY_RATE
 def test_a_vehicle_that_is_detected_in_a_third_of_scans_keeps_a_reported_track(dt_s: float) -> None:
     dark, reported = driving(20.0, 3, detected=0.35), []
@@ -95,6 +96,7 @@ def test_a_vehicle_that_is_detected_in_a_third_of_scans_keeps_a_reported_track(d
     assert np.mean(reported) >= 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dt_s", "flow_mps", "seed"), [(0.1, 10.0, 0), (0.1, 25.0, 1), (0.2, 10.0, 1), (0.2, 25.0, 0)])
 def test_a_car_that_stands_amid_flowing_traffic_is_reported_from_eighty_metres_on(
     dt_s: float, flow_mps: float, seed: int
@@ -129,6 +131,7 @@ def false_objects(duration_s: float, life_s: float, seed: int) -> list[Source]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dt_s", "seed"), [(0.1, 0), (0.2, 1)])
 def test_false_objects_are_soon_not_reported_any_more_and_vehicles_always_are(dt_s: float, seed: int) -> None:
     """Half a false object a second that lives for two; a car comes into range only after all these were found."""
@@ -160,6 +163,7 @@ def test_a_false_object_that_ends_in_plain_view_is_counted_once(dt_s: float) -> 
     assert all(counted[later] <= counted[7.0] for later in counted if later > 7.0)
 
 
+@pytest.mark.slow
 def test_without_false_objects_what_appears_in_plain_view_is_soon_a_vehicle() -> None:
     newcomer = Source(partial(steady, 30.0, 4, 20.0), 0.95, 40.0)
     scans = drive([newcomer, *traffic()], 43.0)

@@ -91,6 +91,7 @@ def test_weights_sum_to_one_within_and_over_components(update: str) -> None:
         assert np.exp(mixture.cloud.log_component_weight[mixture.starts[:-1]]).sum() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("update", RULES)
 @given(seed=st.integers(0, 1000), step_s=st.sampled_from([0.1, 1.0]))
 @settings(max_examples=15, deadline=None)

@@ -49,6 +49,7 @@ def exact_means(scans: list[Scan]) -> FloatArray:
     return np.array(means)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("update", ["joint", "max_likelihood"])
 def test_one_linear_gaussian_target_is_tracked_like_the_exact_kalman_filter(update: str) -> None:
     scans = recorded_scans()

@@ -93,7 +93,7 @@ def follow(model: str, unseen: tuple[float, float]) -> Iterator[tuple[float, Tra
         yield time_s, tracker.step(Scan(time_s, Detections(x, y, nothing, std, std, nothing), ego))
 
 
-@pytest.mark.parametrize("model", ["cvm", "idm", "gmm"])
+@pytest.mark.parametrize("model", ["cvm", *(pytest.param(other, marks=pytest.mark.slow) for other in ("idm", "gmm"))])
 def test_oncoming_crossing_and_turning_vehicles_are_followed_with_their_speeds(model: str) -> None:
     numbers: dict[str, set[int]] = {name: set() for name in WAYS}
     for time_s, tracks in follow(model, (99.0, 99.0)):
@@ -108,6 +108,7 @@ def test_oncoming_crossing_and_turning_vehicles_are_followed_with_their_speeds(m
     assert [len(each) for each in numbers.values()] == [1, 1, 1]
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_turns_unseen_is_known_again_on_the_way_that_it_took() -> None:
     before, after = set(), set()
     for time_s, tracks in follow("cvm", (6.5, 8.6)):

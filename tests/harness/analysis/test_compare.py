@@ -66,6 +66,7 @@ def test_a_grid_against_itself_is_no_worse_however_few_seeds_it_has(tmp_path):
         assert comparison.outcome == NO_WORSE
 
 
+@pytest.mark.slow
 def test_other_metrics_get_a_verdict_where_they_are_named(tmp_path, capsys):
     a = grid_folder(tmp_path / "a", mae__hidden__lon_m=wobbling(1.0))
     b = grid_folder(tmp_path / "b", mae__hidden__lon_m=wobbling(2.0, 1))
@@ -295,6 +296,7 @@ def small_suite(monkeypatch, no_pictures) -> None:
     monkeypatch.setattr("harness.commands.actions.compare_sides.run_cells", run_here)
 
 
+@pytest.mark.slow
 def test_a_suite_is_recorded_and_checked_against_what_was_recorded(small_suite, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run_command_line(["compare", "--suite", "standard", "--quiet"]) == 2

@@ -33,6 +33,7 @@ def edited(folder: str, change) -> str:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("one", "other", "told"),
     [
@@ -88,6 +89,7 @@ def test_pairs_that_did_not_see_the_same_are_refused_and_then_not_paired(tmp_pat
     assert any("whole arms are compared" in note for note in found.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoilt", ["a", "b"])
 @pytest.mark.parametrize(
     ("kept", "told"),

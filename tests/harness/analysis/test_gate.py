@@ -96,6 +96,7 @@ def test_links_of_a_summary_lead_to_where_the_pages_are_and_nowhere_without_an_a
     )
 
 
+@pytest.mark.slow
 def test_a_gate_file_names_metrics_with_tolerances_floors_and_ceilings(tmp_path, capsys):
     usual = {"mot__hota": wobbling(80.0), "mot__idf1": wobbling(70.0)}
     a = grid_folder(tmp_path / "a", **usual)
@@ -126,6 +127,7 @@ def test_a_gate_file_names_metrics_with_tolerances_floors_and_ceilings(tmp_path,
     assert gate(a, b, "--gate", tmp_path / "none.toml") == exit_codes.WRONG_INPUT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("planted", "least", "most"), [(1.05, 14, 16), (1.0, 0, 1)])
 def test_a_planted_regression_is_called_worse_and_an_unchanged_tracker_is_not(planted, least, most):
     """Ten seeds resampled from the committed ones, two densities; 5 % more hidden cost, other random numbers."""

@@ -108,6 +108,7 @@ def test_the_settings_of_every_world_are_known_and_change_something():
         assert config != resolve_run_config(None, {}, []), name
 
 
+@pytest.mark.slow
 def test_finished_runs_are_planned_with_their_own_ego_and_altered_detections(tmp_path):
     folder = tmp_path / "finished"
     run(resolve_run_config(None, {"density": 10.0, "duration": 0.5, "tracker": "detections"}, []), out=folder)

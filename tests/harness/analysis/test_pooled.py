@@ -155,6 +155,7 @@ def test_a_grid_over_recordings_has_a_cell_a_file_with_every_vehicle_in_turn(fil
     assert [cell.config.traffic.net for cell in grid.cells] == ["us101", "recording"]
 
 
+@pytest.mark.slow
 def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(files, tmp_path, no_pictures):
     request = GridRequest(net=None, replay=files, ego="each:2", trackers=f"{ECHO},oracle-kalman", seeds="1")
     told: list[str] = []
@@ -180,6 +181,7 @@ def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(fil
     assert (tmp_path / "out" / FIGURES / "hidden.png").exists()
 
 
+@pytest.mark.slow
 def test_all_trackers_see_the_same_detections_of_a_recording(files, tmp_path, no_pictures):
     request = GridRequest(net=None, replay=files[:1], ego="each:1", trackers=f"{ECHO},{ECHO}+gain=2", seeds="1")
     run_stress(request, tmp_path / "out", InProcess(open_snapshots=open_snapshots))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from harness.analysis.arms import Arms, Layout, measure
 from harness.analysis.rules import PRIMARY, compared_quantities
@@ -49,6 +50,7 @@ def called_worse(suites: int) -> int:
     return worse
 
 
+@pytest.mark.slow
 def test_a_regression_of_the_noisier_model_alone_needs_several_times_the_suite():
     """At the suite's size it is found in 31 of 100, at three times that in 91."""
     assert called_worse(1) < 50

@@ -57,6 +57,7 @@ def simulated(rng: np.random.Generator, seeds: int, planted: float = 1.0, within
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [3, 10])
 def test_no_change_is_called_worse_in_at_most_five_percent_of_comparisons(seeds):
     rng = np.random.default_rng([7, seeds])
@@ -64,6 +65,7 @@ def test_no_change_is_called_worse_in_at_most_five_percent_of_comparisons(seeds)
     assert np.mean(worse) <= 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [3, 10])
 def test_what_is_worse_by_the_tolerance_and_more_passes_as_no_worse_in_at_most_five_percent(seeds):
     rng = np.random.default_rng([8, seeds])

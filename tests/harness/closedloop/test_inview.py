@@ -98,6 +98,7 @@ def looks(share, seed):
     return [sensor.observe(frame, ROAD, np.random.default_rng((seed, frame.step))) for frame in frames]
 
 
+@pytest.mark.slow
 def test_one_vehicle_is_detected_in_a_share_of_the_scans_and_nothing_else_changes():
     usual, seldom = looks(None, 4), looks(0.35, 4)
 

@@ -116,6 +116,7 @@ def test_who_knows_nothing_of_it_goes_though_the_truth_has_it_hold():
     assert passes.crossed("other", Contact("other", 3.0, 9.0, True)).encroachment_s == 0.0
 
 
+@pytest.mark.slow
 def test_an_intensity_of_zero_changes_nothing_and_of_one_it_creeps_past_the_line_up_to_the_place():
     free = driven(passage(), seconds=4.0)
     assert (driven(passage(heed=0.1), unseen=expecting(0.0), seconds=4.0) == free).all()

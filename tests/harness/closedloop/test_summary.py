@@ -84,6 +84,7 @@ def test_six_episodes_without_a_collision_are_no_certainty():
     assert score.ci95[1] == pytest.approx(100.0 * (1.0 - 0.025 ** (1.0 / 6.0)))
 
 
+@pytest.mark.slow
 def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
     found = [score for score in usual_scores() if score.metric in (TTC, HARD_BRAKES)]
     draw_charts(drive_charts(found), "drives", tmp_path / "drives.svg")
@@ -95,6 +96,7 @@ def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
         assert highest <= most < 1.5 * highest
 
 
+@pytest.mark.slow
 def test_the_order_of_rows_changes_nothing():
     mixed = scores(table_of().sample(frac=1.0, random_state=3))
     for metric in (TTC, COLLIDED):
@@ -103,6 +105,7 @@ def test_the_order_of_rows_changes_nothing():
         assert whole.ci95 == pytest.approx(shuffled.ci95)
 
 
+@pytest.mark.slow
 def test_provoked_episodes_are_told_apart_and_those_without_a_candidate_are_left_out():
     table = table_of()
     table.loc[(table["seed"] == 0) & (table[KIND] == BRAKE), ENDED] = NO_CANDIDATE
@@ -111,6 +114,7 @@ def test_provoked_episodes_are_told_apart_and_those_without_a_candidate_are_left
     assert "1 more have no candidate" in as_markdown("t", found, table, [])
 
 
+@pytest.mark.slow
 def test_scores_of_some_episodes_are_told_of_these_and_each_provocation_apart():
     table = table_of(kinds=(FREE, BRAKE, CROSS))
     needs = table[KIND] == CROSS
@@ -123,6 +127,7 @@ def test_scores_of_some_episodes_are_told_of_these_and_each_provocation_apart():
     assert not [score for score in usual_scores() if score.episodes in (BRAKE, CROSS) or score.metric == CROSSED]
 
 
+@pytest.mark.slow
 def test_cars_that_had_been_in_sight_and_those_that_never_were_are_told_apart():
     table = table_of(kinds=(FREE, CROSS))
     table["episode.seen_before"] = np.where(table[KIND] == CROSS, (table["seed"] < 2).astype(float), np.nan)
@@ -139,6 +144,7 @@ def test_where_every_drive_failed_there_are_no_scores_and_the_failures_are_told(
     assert "- a: failed" in as_markdown("t", [], table, ["a: failed"])
 
 
+@pytest.mark.slow
 def test_collisions_are_listed_the_hardest_first_with_their_replays():
     table = table_of().assign(replay="")
     for row, impact in ((3, 2.0), (5, 7.0)):

@@ -73,7 +73,7 @@ class Nested:
         return np.array(a), np.array(b), np.array(density), np.array(seed)
 
 
-@pytest.mark.parametrize("seeds", [3, 5, 10])
+@pytest.mark.parametrize("seeds", [3, 5, pytest.param(10, marks=pytest.mark.slow)])
 def test_intervals_over_seeds_cover_what_they_say(seeds):
     rng, nested = np.random.default_rng(seeds), Nested()
     intervals = [paired_effect(*nested.draw(rng, seeds)).ci95 for _ in range(600)]

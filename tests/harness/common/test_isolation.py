@@ -42,7 +42,7 @@ def nested() -> object:
         (lambda: ctypes.string_at(0), "crashed over it (SIGSEGV)"),
         (os.abort, "crashed over it (SIGABRT)"),
         (lambda: os._exit(0), "crashed over it (exit code 0)"),
-        (never_ends, "took more than 1 s"),
+        pytest.param(never_ends, "took more than 1 s", marks=pytest.mark.slow),
         (lambda: os.execv("/bin/true", ["true"]), "PermissionError"),
         (lambda: socket.create_connection(("127.0.0.1", 9)), "PermissionError"),
         (lambda: (_ for _ in ()).throw(StopIteration), "RuntimeError"),
@@ -57,6 +57,7 @@ def test_every_end_of_a_fork_is_one_line_that_names_what_was_read(work, told):
     assert told in str(error.value)
 
 
+@pytest.mark.slow
 def test_signs_of_life_give_no_more_time():
     def work(send):
         while True:

@@ -88,6 +88,7 @@ def test_sumo_reads_the_floating_car_data(bent):
         assert width == row["width_m"]
 
 
+@pytest.mark.slow
 def test_the_floating_car_data_are_valid_by_sumos_own_schemas(tmp_path):
     folder = write_recorded_scene(tmp_path / "run", {"far": 'a "quoted" <name> & more', "near": "bell\x07"}, road=BENT)
     truth = pd.read_parquet(folder / "truth.parquet")

@@ -15,7 +15,7 @@ from harness.export.formats import export_run
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.truth.recorded.detected.made import AHEAD_M, GAP, PARKED_XY, SPEED_MPS, STEPS, write_kitti
 
-pytestmark = pytest.mark.usefixtures("no_pictures")
+pytestmark = [pytest.mark.usefixtures("no_pictures"), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,6 @@ def scored(tmp_path: Path) -> tuple[str, ...]:
     return tuple(subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines())
 
 
-@pytest.mark.slow
 def test_the_script_beside_the_files_has_trackeval_score_them_from_a_least_score_on(scored: tuple[str, ...]) -> None:
     every, sure = ([float(word) for word in line.split()] for line in scored[1:])
     # Half of the boxes are false: DetA is 1/2, and HOTA the root of it.

@@ -125,6 +125,7 @@ def finished(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_table_the_figure_and_the_page_tell_scores_by_network(finished):
     text = (finished / "table.md").read_text()
     assert text.startswith("# Stress test on curve, junction")
@@ -138,6 +139,7 @@ def test_the_table_the_figure_and_the_page_tell_scores_by_network(finished):
     assert "junction, middle" in page
 
 
+@pytest.mark.slow
 def test_a_failed_cell_of_one_network_is_told_and_in_no_mean(finished):
     text = (finished / "table.md").read_text()
     assert "net junction, demand middle" in text.partition("## Runs that failed")[2]
@@ -147,6 +149,7 @@ def test_a_failed_cell_of_one_network_is_told_and_in_no_mean(finished):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_grid_of_networks_is_taken_up_with_one_more(tmp_path):
     execute = MadeUp()
     one = GridRequest(net=None, nets="curve", seeds="1", trackers=ECHO, duration_s=1.0)
@@ -158,6 +161,7 @@ def test_a_grid_of_networks_is_taken_up_with_one_more(tmp_path):
     assert [run.config.traffic.net for run in plan.runs] == ["curve", "priority"]
 
 
+@pytest.mark.slow
 def test_two_such_grids_are_compared_network_by_network(finished, tmp_path):
     other = tmp_path / "other"
     run_stress(GridRequest(**{**SMALL.as_table(), "nets": "junction,curve"}), other, in_process)

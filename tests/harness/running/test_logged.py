@@ -118,6 +118,7 @@ def test_a_disk_that_fills_while_a_log_is_scored_leaves_nothing(tmp_path, write,
     assert {*tmp_path.iterdir()} == {truth, tracks}
 
 
+@pytest.mark.slow
 def test_scoring_writes_as_often_as_the_moments_above_suppose(tmp_path):
     (truth, more), (tracks, _) = (write_csv(tmp_path, role, 0.0) for role in ("truth", "tracks"))
     with disk_full_from(SCORE_WRITES + 1) as written:
@@ -154,6 +155,7 @@ def test_each_format_gives_the_errors_that_were_put_in_and_hides_what_the_truck_
         assert run_command_line(["export", str(run.folder), "--to", "mot"]) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scored", [True, False])
 def test_nuscenes_results_with_scores_have_amota_and_amotp_by_its_rules(scored, tmp_path, capfd):
     (tmp_path / "log").mkdir()
@@ -192,6 +194,7 @@ def test_a_log_of_a_run_has_the_run_s_own_scores(tmp_path, run):
     assert metrics_of(tmp_path / "scored") == metrics_of(run.folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_tables_score_like_the_folder_that_they_are_of(tmp_path, run, suffix):
     lie = tmp_path / "tables"
@@ -209,6 +212,7 @@ def test_tables_score_like_the_folder_that_they_are_of(tmp_path, run, suffix):
         )
 
 
+@pytest.mark.slow
 def test_two_logs_of_one_truth_can_be_compared(tmp_path, run):
     worse = run.tracks.assign(lon_m=run.tracks["lon_m"] + 1.0)
     worse.to_parquet(tmp_path / "worse.parquet")
@@ -219,6 +223,7 @@ def test_two_logs_of_one_truth_can_be_compared(tmp_path, run):
     assert of.loc["mot.hota", "b"] < of.loc["mot.hota", "a"]
 
 
+@pytest.mark.slow
 @pytest.mark.forks
 def test_a_recording_for_foxglove_is_read_back_unless_a_bit_of_a_chunk_or_the_summary_flips(tmp_path, run, capfd):
     (bag,) = run_export(run.folder, tmp_path / "mcap")
@@ -231,6 +236,7 @@ def test_a_recording_for_foxglove_is_read_back_unless_a_bit_of_a_chunk_or_the_su
         assert capfd.readouterr().err.count("error: --tracks: ") == 1
 
 
+@pytest.mark.slow
 def test_a_bag_of_autoware_s_messages_is_read_back_with_the_same_scores(tmp_path, run):
     (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
     topic = "/perception/object_recognition/tracking/objects"
@@ -249,6 +255,7 @@ def test_a_bag_of_autoware_s_messages_is_read_back_with_the_same_scores(tmp_path
     np.testing.assert_allclose(read_bag(bag, "ego", None)[["lon_m", "lat_m"]], ego[["lon_m", "lat_m"]], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_bag_of_autoware_s_messages_is_replayed_with_its_detections_and_its_truth(tmp_path, run, capfd):
     (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
     assert (
@@ -303,6 +310,7 @@ def test_a_bag_whose_truth_has_vehicles_twice_is_one_line(tmp_path, run, capsys,
     assert "is there twice at 0 s" in line
 
 
+@pytest.mark.slow
 def test_a_track_in_the_plane_has_no_heading_in_a_bag_of_autoware_s_messages(tmp_path):
     run = harness.run(replay="pandaset", tracker="oracle-kalman", duration=1.0, out=tmp_path / "run")
     (bag,) = run_export(run.folder, tmp_path / "bag", "autoware")
@@ -362,6 +370,7 @@ class Inside:
         return Tracks(ids, *place.T, speed, 0.0 * one, 0.0 * one, 0.3 * one, 0.2 * one, one, one, states)
 
 
+@pytest.mark.slow
 def test_a_tracker_in_python_the_same_as_a_program_and_as_a_log_have_the_same_scores(tmp_path):
     scene = write_recorded_scene(tmp_path / "scene")
     program = [sys.executable, str(Path(__file__).parents[3] / "docs" / "examples" / "exec_tracker.py")]
@@ -406,7 +415,7 @@ BROKEN = {
 
 
 @pytest.mark.forks
-@pytest.mark.parametrize("name", BROKEN)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=() if "cut" in n else pytest.mark.slow) for n in BROKEN])
 def test_a_broken_log_is_one_line_that_names_the_file(tmp_path, name, capfd):
     truth, more = write_mot(tmp_path, "truth", 0.0)
     (tmp_path / name).write_bytes(BROKEN[name])
@@ -416,6 +425,7 @@ def test_a_broken_log_is_one_line_that_names_the_file(tmp_path, name, capfd):
     assert not (tmp_path / "scored").exists()
 
 
+@pytest.mark.slow
 def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, capfd):
     log, truth = run.folder / runfolder.TRACKS, write_mot(tmp_path, "truth", 0.0)[0]
     (twice := tmp_path / "twice.txt").write_text(2 * truth.read_text())

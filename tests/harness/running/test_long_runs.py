@@ -46,6 +46,7 @@ def groups(path: Path) -> int:
     return int(pq.read_metadata(path).num_row_groups)
 
 
+@pytest.mark.slow
 def test_every_stretch_is_a_row_group_and_rows_and_scores_are_those_of_one_stretch(tmp_path, monkeypatch):
     whole = run_on(tmp_path / "whole")
     monkeypatch.setattr(evaluate, "STRETCH_ROWS", 1)
@@ -80,6 +81,7 @@ def test_an_error_between_two_tables_writes_no_row_twice(tmp_path):
         assert pd.read_parquet(tmp_path / name)["step"].tolist() == [0, 1, 2, 3]
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_stretches_are_put_together_leaves_every_row_once(tmp_path, short_stretches, monkeypatch):
     # Shells start background jobs with Ctrl-C ignored, which the tests inherit.
     previous = signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -132,6 +134,7 @@ def test_whenever_a_disk_fills_for_good_every_stretch_that_was_written_is_kept_o
     assert not [path for path in folder.glob("*") if path.name in (*TABLES[3:], *DECIDED, runfolder.METRICS)]
 
 
+@pytest.mark.slow
 def test_a_run_writes_as_often_as_the_moments_above_suppose(tmp_path, short_stretches):
     with disk_full_from(WRITES + 1) as written:
         run_on(tmp_path / "run")
@@ -166,6 +169,7 @@ def test_the_recorder_never_ends_a_stretch_within_an_episode():
     assert (recorder.steps, recorder.kept) == (7, 1)
 
 
+@pytest.mark.slow
 def test_the_page_of_a_long_run_shows_its_beginning_and_says_so(tmp_path, short_stretches, monkeypatch):
     monkeypatch.setattr("harness.report.page.MOST_SHOWN", 300)
     draw = Drawing(lambda folder, pictured: folder.mkdir(), write_run_page)

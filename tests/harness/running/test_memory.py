@@ -24,6 +24,7 @@ def page_faults(before: str) -> int:
     return int(subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True).stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems' allocators are left as they are")
 def test_arrays_as_large_as_the_last_steps_cost_no_page_faults() -> None:
     kept = page_faults("from harness.running.follow import keep_freed_memory; keep_freed_memory()")

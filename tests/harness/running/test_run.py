@@ -51,6 +51,7 @@ def finished(tmp_path_factory) -> Path:
     return run_on(SteadyTraffic(steps=12), configured(), tmp_path_factory.mktemp("finished") / "run").folder
 
 
+@pytest.mark.slow
 def test_a_run_leaves_every_file(steady_traffic, tmp_path):
     finished = run_on(steady_traffic, configured(), tmp_path / "run", command="harness run", draw=DRAWING)
     names = {entry.name for entry in finished.folder.iterdir()}
@@ -65,6 +66,7 @@ def test_a_run_leaves_every_file(steady_traffic, tmp_path):
     assert steady_traffic.closed
 
 
+@pytest.mark.slow
 def test_a_replay_of_the_same_tracker_gives_the_same_bytes(steady_traffic, tmp_path):
     first = run_on(steady_traffic, configured(seed=5), tmp_path / "first").folder
     config = resolve_run_config(options={"replay": str(first), "tracker": ECHO})
@@ -168,6 +170,7 @@ def test_an_interrupt_that_compiled_code_reports_in_its_own_way_is_an_interrupt(
         run_on(steady_traffic, configured(), tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another(steady_traffic, tmp_path, capsys):
     out, untouched = tmp_path / "run", SteadyTraffic(steps=12)
     made = run_on(steady_traffic, configured(), out, resume=True)
@@ -207,6 +210,7 @@ def no_room(*_: object) -> NoReturn:
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", [0, 1])
 def test_a_run_whose_pictures_find_no_room_is_complete_and_says_how_to_draw_it(broken, steady_traffic, tmp_path):
     draw = Drawing(*(no_room if place == broken else print for place in range(2)))
@@ -216,9 +220,8 @@ def test_a_run_whose_pictures_find_no_room_is_complete_and_says_how_to_draw_it(b
     assert run_command_line(["report", str(tmp_path / "run")]) == 0
 
 
-@pytest.mark.parametrize(
-    "call", [pytest.param(21, marks=pytest.mark.slow), 35, pytest.param(52, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("call", [21, 35, 52])
 def test_a_disk_that_fills_during_a_run_loses_no_finished_step(call, steady_traffic, tmp_path, monkeypatch, capsys):
     calls = count(1)
     # Room is kept for the manifest and three tables, before the first step and after each.
@@ -270,6 +273,7 @@ def test_a_full_disk_keeps_the_steps_that_there_is_room_for(name, words, kept, s
     assert not (tmp_path / "run.incomplete" / runfolder.METRICS).exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_leaves_the_one_that_it_was_to_replace(steady_traffic, tmp_path, capsys):
     first = run_on(steady_traffic, configured(), tmp_path / "run").folder
     before = {path.name: path.read_bytes() for path in first.iterdir()}

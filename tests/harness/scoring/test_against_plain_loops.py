@@ -11,7 +11,7 @@ from tests.harness.scoring.scenes import STEP_S, score_run, traffic
 STEPS = 250
 
 
-@pytest.fixture(scope="module", params=[0, 1, 2])
+@pytest.fixture(scope="module", params=[0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def run(request):
     truth, detections, tracks = traffic(steps=STEPS, vehicles=30, seed=request.param)
     return score_run(truth, detections, tracks), PlainLoops(truth, detections, tracks)

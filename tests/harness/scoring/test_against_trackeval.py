@@ -35,6 +35,7 @@ def test_scores_of_a_busy_run_equal_trackevals_for_both_sets_of_vehicles():
             assert_equal_to_trackeval(sequence)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format_", ["kitti", "nuscenes"])
 def test_scores_of_kitti_and_nuscenes_files_equal_trackevals(format_, tmp_path):
     """Boxes 1.3 m off, of which a third are missing and two change their identities half-way."""

@@ -56,7 +56,7 @@ def crossing(seed=0):
 
 
 @pytest.mark.parametrize("angle_rad", [0.4, 0.5 * np.pi, 2.5, -np.pi])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_turning_the_map_changes_no_score(angle_rad, seed):
     tables = crossing(seed)
     here = numbers(score_run(*tables), OF_AXES)

@@ -83,6 +83,7 @@ def test_a_busy_run_has_those_tracks_in_sight_that_plain_loops_find(seed):
     assert_equal_to_plain_loops(*traffic(steps=80, vehicles=30, seed=seed), both=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_random_tracks_and_detections_give_what_plain_loops_find(seed):

@@ -13,7 +13,7 @@ from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
 from tests.harness.sensor.sensor_scenes import AROUND, CALM, RING, ROAD, false_places, frame_of
 
-pytestmark = pytest.mark.usefixtures("no_shadows")
+pytestmark = [pytest.mark.usefixtures("no_shadows"), pytest.mark.slow]
 SENSOR = sensor_settings("lidar-independent", {**CALM, "persistent_clutter": 0.0})
 
 

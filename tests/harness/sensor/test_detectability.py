@@ -10,7 +10,7 @@ from harness.sensor.failings import drawn_factors
 from harness.sensor.profiles import sensor_settings
 from tests.harness.sensor.sensor_scenes import AROUND, CALM, false_places, film, frame_of
 
-pytestmark = pytest.mark.usefixtures("no_shadows")
+pytestmark = [pytest.mark.usefixtures("no_shadows"), pytest.mark.slow]
 
 
 def shares(seen):

@@ -109,6 +109,7 @@ def partly_hidden():
     return seen, ahead, [np.isin(s.truth_id, ["car2", "car4"]) for s in seen]
 
 
+@pytest.mark.slow
 def test_a_partly_hidden_car_is_in_the_partial_state_and_rarer_and_noisier():
     seen, fraction, rows = partly_hidden()
     hits, chances = sum(map(np.count_nonzero, rows)), 2 * len(seen)
@@ -136,6 +137,7 @@ def test_a_forward_sensor_sees_nothing_behind_it():
     assert seen.state.tolist() == [VISIBLE, VISIBLE, OUT, OUT]
 
 
+@pytest.mark.slow
 def test_without_detections_only_clutter_is_left_and_its_number_is_poisson():
     counts = []
     for seen in looks(frame_of((30, 0)), 300, detection_probability=0.0, clutter_per_scan=3.0):
@@ -174,7 +176,12 @@ def assert_standard_normal(errors):
 
 
 @pytest.mark.parametrize(
-    "profile", [name for name in sensor_profiles if sensor_settings(name, {}).field_of_view_deg == 360.0]
+    "profile",
+    [
+        pytest.param(name, marks=() if name == "lidar" else pytest.mark.slow)
+        for name in sensor_profiles
+        if sensor_settings(name, {}).field_of_view_deg == 360.0
+    ],
 )
 def test_told_to_report_exactly_a_sensor_reports_the_deviations_of_its_errors_in_plain_view(profile):
     vehicle, errors = errors_in_plain_view(profile)

@@ -16,7 +16,7 @@ from harness.sensor.scene import Scene, sight_to
 from tests.harness.sensor.sensor_scenes import CALM, RING, RING_NAMES, ROAD, film, frame_of
 
 STEP_S = 0.1
-pytestmark = pytest.mark.usefixtures("no_shadows")
+pytestmark = [pytest.mark.usefixtures("no_shadows"), pytest.mark.slow]
 
 
 def run_lengths(flags):

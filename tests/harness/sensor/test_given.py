@@ -78,6 +78,7 @@ def test_trackers_run_over_a_recording_and_a_run_of_it_again(tmp_path: Path, tra
     pd.testing.assert_series_equal(*scores)
 
 
+@pytest.mark.slow
 def test_a_grid_over_sequences_tells_gaps_of_moving_and_parked_vehicles(tmp_path: Path) -> None:
     write_kitti(tmp_path / "data", "0001")
     folder = write_kitti(tmp_path / "data", "0002") / "label_02"

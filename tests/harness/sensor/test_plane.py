@@ -44,6 +44,7 @@ def covariance(settings, distance_m, bearing, heading):
     return fit + turned(along, math.radians(settings.std_bearing_deg) * distance_m, bearing)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading_deg", [45.0, 160.0])
 def test_errors_of_a_turned_vehicle_spread_as_stated(heading_deg):
     settings = SensorSettings(**{**QUIET, "std_bearing_deg": 0.6, "std_lon_m": 0.6})
@@ -82,6 +83,7 @@ def test_range_rate_gives_the_speed_along_the_heading_of_oncoming_vehicles_too()
         assert np.mean(speeds) == pytest.approx(10.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_hidden_half_pulls_the_box_towards_the_near_end_whatever_its_heading():
     settings = SensorSettings(**{**QUIET, "centre_shift_share": 1.0})
     for angle in (0.0, 1.0, 3.0):

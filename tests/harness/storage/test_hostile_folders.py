@@ -40,6 +40,7 @@ def told(words: list[str], folder: Path, capsys) -> str:
     return err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "table",
     [
@@ -55,6 +56,7 @@ def test_a_small_file_of_a_table_that_fills_the_memory_is_refused(table, tmp_pat
         read_table(tmp_path, "truth.parquet", "folder", ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("at", "value"),
     [
@@ -85,6 +87,7 @@ def test_a_table_that_lost_rows_or_has_them_in_another_order_is_refused(shuffled
     assert f"{table}.parquet{fault}" in told(words, scene, capsys)
 
 
+@pytest.mark.slow
 def test_detections_that_were_left_out_on_purpose_are_replayed_once_the_manifest_no_longer_counts_them(scene, capsys):
     path = scene / "detections.parquet"
     pd.read_parquet(path)[::2].to_parquet(path)
@@ -130,6 +133,7 @@ def test_a_damaged_file_of_a_folder_is_told_in_one_line(words, name, damage, sce
     told(words, scene, capsys)
 
 
+@pytest.mark.slow
 def test_a_road_that_nobody_can_drive_on_is_refused(scene, capsys):
     road = json.loads((scene / "road.json").read_text())
     for change in (
@@ -161,6 +165,7 @@ def test_an_exported_run_stays_within_its_folder(scene, tmp_path, capsys):
     assert all(path.is_relative_to(tmp_path / "mot") for path in tmp_path.glob("**/*escaped*"))
 
 
+@pytest.mark.slow
 def test_names_with_control_characters_make_valid_xml_and_no_formulas(tmp_path):
     names = {"near": "a\x01b", "far": "=SUM(A1:A9)", "distant": "-12.5"}
     run = read_recorded_run(write_recorded_scene(tmp_path / "scene", names))

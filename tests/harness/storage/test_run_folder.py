@@ -31,6 +31,7 @@ def test_an_unfinished_folder_says_so(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
 
 
+@pytest.mark.slow
 def test_the_folder_of_a_killed_run_is_removed_by_the_next(tmp_path):
     script = (
         "import os, pathlib, signal; from harness.storage import run_folder as runfolder;"

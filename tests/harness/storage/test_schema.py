@@ -46,6 +46,7 @@ def recorded(folder: Path, traffic: SteadyTraffic, tracker: str = "tests.harness
     return run(config, out=folder, open_snapshots=observing(traffic)).folder
 
 
+@pytest.mark.slow
 def test_a_new_column_of_the_truth_needs_its_declaration_and_its_value_alone(tmp_path, monkeypatch):
     lights = Column("string", "lights", "brake lights", absent="it is day", words=("off", "red"))
     truth = TABLES[TRUTH]
@@ -63,6 +64,7 @@ def test_a_new_column_of_the_truth_needs_its_declaration_and_its_value_alone(tmp
         read_recorded_run(lit)
 
 
+@pytest.mark.slow
 def test_every_table_of_a_run_is_as_declared(tmp_path):
     folder = recorded(tmp_path / "run", SteadyTraffic(steps=15), "mmpf")
     files = sorted(folder.glob("*.parquet"))

@@ -18,17 +18,7 @@ BEYOND_THE_PUBLISHED_RULE = {
     "identities_stay_on_a_bend",
     "identities_stay_at_a_crossing",
 }
-STARVES = pytest.mark.xfail(reason="components starve under the published rule", strict=True), pytest.mark.slow
-# What ``tests/mmpf/test_tracker.py`` asks of both rules too.
-ASKED_OF_BOTH = {"equal_seeds_give_equal_tracks", "tracks_are_well_formed"}
-
-
-def published_rule_checks() -> list[object]:
-    marks = dict.fromkeys((*ASKED_OF_BOTH, "500_detections"), (pytest.mark.slow,))
-    marks |= dict.fromkeys(BEYOND_THE_PUBLISHED_RULE, STARVES)
-    return [pytest.param(check, marks=marks.get(check.name, ())) for check in tracker_checks()]
-
-
+STARVES = pytest.mark.xfail(reason="components starve under the published rule", strict=True)
 # A baseline without memory can keep no identity.
 BEYOND_MEMORYLESS = {
     "one_car_becomes_one_confirmed_track",
@@ -38,9 +28,19 @@ BEYOND_MEMORYLESS = {
 }
 
 
-def slow_beside_gnn(name: str) -> tuple[pytest.MarkDecorator, ...]:
-    """Stone Soup's other trackers share most parts with ``stonesoup-gnn``, and take minutes."""
-    return (pytest.mark.slow,) if is_made_of_stone_soup(name) and name != "stonesoup-gnn" else ()
+ASKED_OF_ALL = {
+    "tracks_are_well_formed",
+    "identities_stay_with_their_cars",
+    "scans_are_left_as_they_were",
+    "steps_of_1_s",
+    "two_detections_at_one_point",
+}
+"""What the fast tests ask of all trackers; of one they ask everything, and Stone Soup's others share most with one."""
+
+
+def is_slow(name: str, check: TrackerCheck) -> bool:
+    beside_gnn = is_made_of_stone_soup(name) and name != "stonesoup-gnn"
+    return beside_gnn or (check.name not in ASKED_OF_ALL and name != "pmbm")
 
 
 def is_made_of_stone_soup(name: str) -> bool:
@@ -51,9 +51,14 @@ def setting() -> TrackerSetting:
     return TrackerSetting(ROAD, SENSOR, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("check", tracker_checks(), ids=str)
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=slow_beside_gnn(name)) for name in available_trackers() if name != "detections"]
+    ("name", "check"),
+    [
+        pytest.param(name, check, marks=pytest.mark.slow if is_slow(name, check) else (), id=f"{name}-{check}")
+        for name in available_trackers()
+        for check in tracker_checks()
+        if name != "detections"
+    ],
 )
 def test_every_built_in_tracker_conforms(name: str, check: TrackerCheck):
     if is_made_of_stone_soup(name):
@@ -68,7 +73,12 @@ def test_the_baseline_conforms_but_for_its_identities(check: TrackerCheck):
     check(lambda setting, options: build_tracker("detections", setting, options))
 
 
-@pytest.mark.parametrize("check", published_rule_checks(), ids=str)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "check",
+    [pytest.param(each, marks=STARVES if each.name in BEYOND_THE_PUBLISHED_RULE else ()) for each in tracker_checks()],
+    ids=str,
+)
 def test_the_published_rule_conforms_but_for_its_starving_components(check: TrackerCheck):
     check(lambda setting, options: build_tracker("mmpf", setting, options), {"update": "max_likelihood", **FEWER})
 

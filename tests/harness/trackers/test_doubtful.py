@@ -125,7 +125,7 @@ def test_off_the_tracker_is_left_as_it_is():
 RIVALS = sorted(set(available_trackers()) - {"mmpf", "oracle-kalman", "detections"})
 
 
-@pytest.mark.parametrize("name", RIVALS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow if "jpda" in n else ()) for n in RIVALS])
 def test_every_rival_has_the_rule_as_an_option(name):
     """Three vehicles drive at 20 m/s, something beside their lane stands: it alone is tentative."""
     if name == "lmb":

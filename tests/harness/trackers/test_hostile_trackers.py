@@ -161,6 +161,7 @@ def started(folder, scene, step, name):
     )
 
 
+@pytest.mark.slow
 def test_how_deep_a_tracker_lets_calls_go_has_no_effect(tmp_path, scene):
     lowers = "import traceback; sys.setrecursionlimit(len([*traceback.walk_stack(sys._getframe())]) + 9)"
     process = started(tmp_path, scene, lowers, "bad:make")
@@ -173,9 +174,8 @@ KILLS = ("if os.fork() == 0: os.kill(os.getppid(), 9)", "crashed it (SIGKILL)")
 CRASHES = ("__import__('ctypes').string_at(0)", "crashed it (SIGSEGV)")
 
 
-@pytest.mark.parametrize(
-    ("step", "end", "name"), [(*EXITS, "bad-one"), pytest.param(*CRASHES, "bad:make", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("step", "end", "name"), [(*EXITS, "bad-one"), (*CRASHES, "bad:make")])
 def test_a_tracker_that_ends_the_process_is_one_line(step, end, name, tmp_path, scene):
     process = started(tmp_path, scene, step, name)
     told = process.communicate(timeout=120)[1].splitlines()
@@ -186,9 +186,9 @@ def test_a_tracker_that_ends_the_process_is_one_line(step, end, name, tmp_path, 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("step", "told", "name"),
-    [(*KILLS, "bad-one"), pytest.param("raise KeyError('x')", "KeyError: 'x'", "bad:make", marks=pytest.mark.slow)],
+    ("step", "told", "name"), [(*KILLS, "bad-one"), ("raise KeyError('x')", "KeyError: 'x'", "bad:make")]
 )
 def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_there(
     step, told, name, tmp_path, scene, monkeypatch, request
@@ -204,9 +204,8 @@ def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_t
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize(
-    ("end", "code"), [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("end", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_command_with_a_tracker_from_elsewhere_ends_by_signals_as_others_do(end, code, tmp_path, scene):
     here = tmp_path / "here"
     process = started(tmp_path, scene, f"open({str(here)!r}, 'w').close(); __import__('time').sleep(60)", "bad:make")

@@ -77,6 +77,7 @@ AT_FIFTH = {
     "answers another scan": (r"say('tracks 4 0'); continue", "'tracks 4 0', not tracks 5 and how many"),
     "says what is wrong": (r"say('error no licence left'); continue", "it says 'no licence left'"),
 }  # fmt: skip
+QUICK = ("ends", "raises", "is killed", "hangs", "closes its stdout", "answers something else", "has an identity twice")
 AT_START = {
     "refuses an option": ("say('error no option gain'); sys.exit()", "it says 'no option gain'"),
     "greets": ("say('hello, world')", "answered 'hello, world' to the setting, not ready"),
@@ -99,7 +100,7 @@ def run_with(name: str, out: Path, *settings: str, traffic: SteadyTraffic | None
     return run(config, out=out, open_snapshots=observing(traffic or SteadyTraffic(steps=8)))
 
 
-@pytest.mark.parametrize("way", AT_FIFTH)
+@pytest.mark.parametrize("way", [pytest.param(way, marks=() if way in QUICK else pytest.mark.slow) for way in AT_FIFTH])
 def test_a_program_that_misbehaves_ends_the_run_in_one_line_and_keeps_the_steps_before(way, tmp_path):
     at_fifth, told = AT_FIFTH[way]
     with pytest.raises(RunError) as raised:
@@ -175,10 +176,12 @@ def followed(name: str, options: dict[str, object] | None = None) -> list[Tracks
     return [tracker.step(labelled.scan) for labelled in busy_scene()]
 
 
+@pytest.mark.slow
 def test_the_example_in_python_passes_the_suite():
     check_tracker(lambda setting, options: build_tracker(PYTHON_EXAMPLE, setting, options))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("g++") is None, reason="there is no C++ compiler")
 def test_the_example_in_cpp_reports_the_tracks_of_the_one_in_python(tmp_path):
     command = ["g++", "-std=c++17", str(EXAMPLES / "exec_tracker.cpp"), "-o", str(tmp_path / "tracker")]

@@ -21,6 +21,7 @@ def false_places(time_s: float, rng: np.random.Generator) -> list[tuple[float, i
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("probability", "within_s", "seed"), [(0.97, 2.0, 0), (0.6, 3.0, 1), (0.35, 5.0, 2), (0.35, 5.0, 0)]
 )

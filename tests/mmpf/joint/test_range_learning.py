@@ -67,6 +67,7 @@ def test_a_run_of_misses_says_nothing_of_distance() -> None:
     assert counted(0.0, run_after=0.75) == pytest.approx((0.25 * PROMISED, 0.0))
 
 
+@pytest.mark.slow
 def test_cars_that_drive_away_tell_the_filter_where_its_sensor_sees_worse() -> None:
     tracker = MixtureTracker(ROAD, SensorModel(), motion_models["cvm"](), np.random.default_rng(0))
     rng = np.random.default_rng(1)

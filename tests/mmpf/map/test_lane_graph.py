@@ -30,6 +30,7 @@ def distances(graph: LaneGraph, x: float, y: float) -> FloatArray:
     return result
 
 
+@pytest.mark.slow
 def test_the_lanes_beside_places_are_those_that_a_search_of_all_lanes_finds() -> None:
     graph, rng = crooked_lines(0), np.random.default_rng(1)
     x, y = rng.uniform(-140.0, 140.0, (2, 300))

@@ -4,6 +4,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 MODULE = """
 import numba
 from mmpf.numerics.kernels import kernel
@@ -17,6 +19,7 @@ def said(path, **variables: str) -> list[str]:
     return subprocess.check_output([sys.executable, str(path)], env=environment | variables, text=True).split()
 
 
+@pytest.mark.slow
 def test_a_kernel_that_comes_with_its_module_is_not_compiled_where_nothing_can_be_written(tmp_path):
     path, kept = tmp_path / "module.py", tmp_path / "__pycache__"
     path.write_text(MODULE)

@@ -57,6 +57,7 @@ def recorded_fields(tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_the_same_traffic_on_both_sides_meets_every_target(no_sumo, recorded_fields, tmp_path, capsys):
     arguments = ["fidelity", "--fields", str(recorded_fields), "--seeds", "0:1", "--quiet", "--json"]
     assert run_command_line([*arguments, "--out", str(tmp_path / "out")]) == 0

@@ -21,7 +21,8 @@ def behind(state, step, hidden):
     return around(state, ahead, hidden=hidden)
 
 
-@pytest.mark.parametrize(("size_mps2", "lasts_s"), [pytest.param(0.4, 1.4, marks=pytest.mark.slow), (1.8, 6.0)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("size_mps2", "lasts_s"), [(0.4, 1.4), (1.8, 6.0)])
 def test_drivers_that_deviate_so_far_are_found_to(size_mps2, lasts_s):
     rng = np.random.default_rng(1)
     model = AdaptiveDriver(TREIBER_2000, Adaptation(2.0, 0.0, 0.0, size_mps2, lasts_s), ProcessNoise(0.0, 0.0))

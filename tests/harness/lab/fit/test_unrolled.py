@@ -75,6 +75,7 @@ def assert_learned(model, rng):
     assert scores.covered["lon_m"][49].mean() > 0.6
 
 
+@pytest.mark.slow
 def test_the_fit_learns_what_drivers_do_and_how_they_differ(monkeypatch):
     monkeypatch.setattr("harness.lab.fit.unrolled.WINDOWS", 40)
     rng = np.random.default_rng(2)

@@ -114,6 +114,7 @@ def test_a_sentence_names_the_models_by_their_error_at_the_longest_horizon_befor
         assert named == sorted(last, key=last.__getitem__)
 
 
+@pytest.mark.slow
 def test_a_studys_numbers_are_json_and_its_pictures_are_of_each_occlusion(result, tmp_path):
     assert len(json.loads(json.dumps(as_json(result.rows, {"seed": 0})))["results"]) == len(result.rows)
     names = {path.name for path in draw_study(result, tmp_path) if path.is_file()}

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from harness.scoring.evidence.assignment import best_assignment
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), lefts=st.integers(1, 5), rights=st.integers(1, 5), density=st.floats(0, 1))
 def test_the_chosen_pairs_have_the_greatest_sum_that_any_one_to_one_choice_has(seed, lefts, rights, density):

@@ -181,7 +181,7 @@ def by_plain_loops(truth, tracks):
     return held.sum() / asked.sum(), tenth, drops, never
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_lively_run_has_the_scores_of_plain_loops(seed):
     truth, detections, tracks = traffic(steps=150, vehicles=25, seed=seed)
     number = truth["vehicle_id"].str.removeprefix("car").astype(int)

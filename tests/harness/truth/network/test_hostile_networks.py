@@ -140,6 +140,7 @@ def test_colours_distributions_and_pavements_are_taken_and_what_is_unusual_is_to
     assert check_xml(tmp_path / "a.net.xml") == ["lane b_0 doubles back", "tau of vType b is 3.5, 0.4 to 3 is usual"]
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_departs_faster_than_its_type_can_is_an_error_of_the_input(tmp_path, capsys):
     routes = VEHICLES.replace("<route ", '<vType id="t" maxSpeed="30"/><route ')
     path = own(tmp_path, routes=routes.replace("<flow ", '<flow type="t" departSpeed="90" '))

@@ -100,6 +100,7 @@ def test_a_packed_file_is_read_like_the_plain_one(name, tmp_path):
         np.testing.assert_array_equal(one.lon_m, other.lon_m)
 
 
+@pytest.mark.slow
 def test_a_packed_file_that_is_cut_or_holds_too_much_is_refused_in_one_line(tmp_path, monkeypatch):
     packed = tmp_path / "fcd.xml.gz"
     content = gzip.compress(write_fcd(tmp_path / "fcd.xml").read_bytes())

@@ -10,7 +10,7 @@ from harness.running.run import run
 from harness.storage import run_folder as runfolder
 from tests.harness.truth.recorded.layouts import write_commonroad, write_highd, write_ngsim_csv
 
-pytestmark = pytest.mark.usefixtures("read_here")
+pytestmark = [pytest.mark.usefixtures("read_here"), pytest.mark.slow]
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
 

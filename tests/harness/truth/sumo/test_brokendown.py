@@ -31,6 +31,7 @@ def broken_row(frame):
     return int(row)
 
 
+@pytest.mark.slow
 def test_it_stands_at_one_place_on_a_main_lane_of_the_section_in_every_frame_and_never_is_the_ego(frames):
     places = {(float(frame.lon_m[row]), float(frame.lat_m[row])) for frame in frames for row in [broken_row(frame)]}
     assert len(places) == 1
@@ -41,6 +42,7 @@ def test_it_stands_at_one_place_on_a_main_lane_of_the_section_in_every_frame_and
     assert all(frame.ego != broken_row(frame) for frame in frames)
 
 
+@pytest.mark.slow
 def test_who_comes_along_its_lane_steers_around_it_and_nobody_drives_through(frames):
     came, passed = set(), set()
     for frame in frames:
@@ -55,6 +57,7 @@ def test_who_comes_along_its_lane_steers_around_it_and_nobody_drives_through(fra
     assert came & passed
 
 
+@pytest.mark.slow
 def test_the_ego_of_a_minute_passes_it():
     frames = drive(broken_down=1, demand=10.0, duration_s=35.0, seed=4)
     first = frames[0].vehicle_id[frames[0].ego]

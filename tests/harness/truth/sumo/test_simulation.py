@@ -78,6 +78,7 @@ def test_without_ego_frames_have_none():
     assert all(frame.ego == -1 for frame in drive(demand=5.0, duration_s=1.0, ego=False))
 
 
+@pytest.mark.slow
 def test_another_ego_takes_over_at_the_end_of_the_section():
     frames = drive(demand=5.0, duration_s=35.0, warm_up_s=5.0)
     episodes = np.array([frame.episode for frame in frames])

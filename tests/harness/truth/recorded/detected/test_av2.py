@@ -73,6 +73,7 @@ def test_fewer_than_three_points_are_no_detection(tmp_path: Path) -> None:
         assert moment.unseen[list(frame.vehicle_id).index("parked")] == (frame.step in UNSEEN)
 
 
+@pytest.mark.slow
 def test_errors_are_drawn_from_the_seed(tmp_path: Path) -> None:
     folder = write_av2(tmp_path)
 
