@@ -24,11 +24,12 @@ from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
 
-EGO_SIZE_M = 4.8, 1.8
+SIZE, EGO_SIZE_M, NOMINAL_SIZE_M = ["length_m", "width_m"], (4.8, 1.8), (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
 STD_DETECTION_M = 0.5
 """Deviation of a detection whose file tells none; no score of tracks depends on it."""
 SEEN = ["visible_fraction", "state", "in_range", "occluder_id"]
 KEYS = ["episode", "time_s"]
+OF_POSES = ["lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m"]
 MOST_AT_ONCE = 2000
 
 
@@ -39,7 +40,7 @@ def check_scene(place: str, rows: pd.DataFrame) -> None:
     pause_s = rows[KEYS].drop_duplicates().sort_values(KEYS).groupby("episode")["time_s"].diff().max()
     if pause_s > LONGEST_INTERVAL_S:
         raise InputError(f"{place}: {pause_s:g} s pass between two of its times; mend the times, or cut it")
-    sizes = rows.groupby(["episode", "id"])[["length_m", "width_m"] if "length_m" in rows else []]
+    sizes = rows.groupby(["episode", "id"])[SIZE if "length_m" in rows else []]
     growth = (sizes.max() / sizes.min()).max(axis=1)
     if growth.max() > SIZE_CHANGE_RATIO:
         name = str(growth.index.to_list()[int(growth.argmax())][1])
@@ -59,9 +60,11 @@ def sample_times(rows: pd.DataFrame, ego: pd.DataFrame | None, step_s: float) ->
     """Return the episode and time of each sample of nuScenes, from the poses or else from the samples' order."""
     if "sample_token" not in rows:
         return {}
-    if ego is not None and "sample_token" in ego and "time_s" in ego:
+    if ego is not None and "sample_token" in ego:
         known = ego[["sample_token", *KEYS]].itertuples(index=False)
         return {token: (int(episode), float(time_s)) for token, episode, time_s in known}
+    if "order" not in rows:
+        raise InputError("`ego`: the truth is a table of samples; give the sensor's poses with sample_token and time_s")
     order = rows.drop_duplicates("sample_token")[["sample_token", "order"]].itertuples(index=False)
     return {token: (0, place * step_s) for token, place in order}
 
@@ -95,10 +98,7 @@ def with_ego(rows: pd.DataFrame, ego: pd.DataFrame | None, asked: str | None, tr
         at = at[(at >= own.min(initial=np.inf) - 1e-6) & (at <= own.max(initial=-np.inf) + 1e-6)]
         if not len(at):
             raise InputError(f"`ego`: {asked} has no pose at the times of {truth}")
-        columns = [
-            name for name in ("lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m") if name in way
-        ]
-        values = {name: way[name].to_numpy(dtype=np.float64) for name in columns}
+        values = {name: way[name].to_numpy(dtype=np.float64) for name in way.columns.intersection(OF_POSES)}
         values["heading_rad"] = np.unwrap(values["heading_rad"])
         poses = {name: np.interp(at, own, value) for name, value in values.items()}
         poses["heading_rad"] = wrapped(poses["heading_rad"])
@@ -117,12 +117,8 @@ def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tupl
     rows = rows.drop(columns=["step", "own"], errors="ignore").rename(columns={"time_s": "own"})
     rows = rows.merge(clock, on=["episode", "own"]).sort_values(["step"], kind="stable").reset_index(drop=True)
     rows["vehicle_id"], rows["is_ego"] = rows["id"].astype(str), rows["is_ego"].astype(bool)
-    sizes = (
-        np.where(rows["is_ego"], *EGO_SIZE_M[:1], NOMINAL_LENGTH_M),
-        np.where(rows["is_ego"], EGO_SIZE_M[1], NOMINAL_WIDTH_M),
-    )
-    for column, usual in zip(("length_m", "width_m"), sizes, strict=True):
-        rows[column] = filled(rows, column, usual)
+    for column, of_ego, usual in zip(SIZE, EGO_SIZE_M, NOMINAL_SIZE_M, strict=True):
+        rows[column] = filled(rows, column, np.where(rows["is_ego"], of_ego, usual))
     _complete_motion(rows, road)
     if road.has_headings:
         rows["direction_rad"] = rows["heading_rad"]
@@ -219,8 +215,7 @@ def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.D
     )
     for name in ("std_lon_m", "std_lat_m"):
         rows[name] = filled(rows, name, np.full(len(rows), STD_DETECTION_M))
-    needed = TABLES[runfolder.DETECTIONS].needed
-    return rows[list(needed)]
+    return rows[list(TABLES[runfolder.DETECTIONS].needed)]
 
 
 def _origins(rows: pd.DataFrame, truth: pd.DataFrame) -> list[str]:

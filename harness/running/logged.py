@@ -161,7 +161,7 @@ def _by_nuscenes_rules(logs: Logs) -> dict[str, Any] | None:
     if any((logs["format"] or path.suffix.lstrip(".")) not in ("nuscenes", "json") for path in pair):
         return None
     log = _log(logs, TRUTH, logs["truth"])
-    return nuscenes_scores(*pair, None if log.ego is None else read_poses_table(log.ego, log.step_s), log.step_s)
+    return nuscenes_scores(*pair, _poses(log), log.step_s)
 
 
 def _unknown(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -174,10 +174,22 @@ def _log(logs: Logs, role: str, path: Path) -> LogFile:
     return LogFile(path, role, logs["format"], logs["step"] or LogFile.step_s, ego)
 
 
+def _poses(log: LogFile) -> pd.DataFrame | None:
+    """Return the table of the sensor's poses; None without one, and of KITTI's poses, which go with the reading."""
+    if log.ego is None or log.ego.suffix == ".txt" or log.ego.is_dir():
+        return None
+    rows = _typed(f"`ego`: {log.ego}", read_poses_table(log.ego, log.step_s))
+    if "time_s" not in rows:
+        raise InputError(f"`ego`: {log.ego} lacks the column time_s; add the time of each sample")
+    return rows
+
+
 def _is_counted(log: LogFile) -> bool:
-    """Return whether a log's times are numbers of frames or samples."""
-    if (log.format or split_topic(log.path)[0].suffix.lower().lstrip(".")) not in ("csv", "parquet", "mcap"):
-        return True
+    """Return whether a log's times are numbers of frames, or of samples of which no poses tell the times."""
+    kind = log.format or split_topic(log.path)[0].suffix.lower().lstrip(".")
+    if kind not in ("csv", "parquet", "mcap"):
+        poses = _poses(log) if kind in ("nuscenes", "json") else None
+        return poses is None or "sample_token" not in poses
     rows = log.read()
     return {"step", "time_s"} <= set(rows) and np.array_equal(rows["time_s"], rows["step"] * log.step_s)
 
@@ -224,8 +236,7 @@ def _of_files(logs: Logs, name: str) -> Scored:
     road_file = logs["truth"].parent / runfolder.ROAD
     has_road = road_file.is_file() and "sample_token" not in rows
     road = read_road(road_file, TRUTH) if has_road else LaneGraphRoad(graph=without_map())
-    poses = None if source.ego is None or source.ego.suffix == ".txt" or source.ego.is_dir() else source.ego
-    ego = None if poses is None else _typed(f"`ego`: {poses}", read_poses_table(poses, source.step_s))
+    ego = _poses(source)
     moments = complete.sample_times(rows, ego, source.step_s)
     rows = complete.with_times(rows, moments)
     rows = complete.with_ego(rows, ego, logs["ego"], logs["truth"])

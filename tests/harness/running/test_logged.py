@@ -436,6 +436,9 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
     (other := tmp_path / "other").mkdir()
     (nameless := tmp_path / "nameless.csv").write_text("time_s,vehicle_id,lon_m,lat_m\n0,,0,0\n")
     timed, _ = write_csv(other, "truth", 0.0)
+    samples, more = write_nuscenes(other, "truth", 0.0)
+    (untimed := tmp_path / "untimed.csv").write_text("sample_token,lon_m,lat_m,heading_rad\ns0,0,0,0\n")
+    (tokens := tmp_path / "tokens.csv").write_text("sample_token,vehicle_id,lon_m,lat_m\ns0,9,0,0\n")
     (many := tmp_path / "many.txt").write_text("".join(f"1,{k},-1,-1,-1,-1,1,{k},0,-1\n" for k in range(3000)))
     calls = [
         (["--ego", "9"], twice, log, "is there twice at"), (["--ego", "9"], leap, log, "leaps at"),
@@ -449,6 +452,8 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
         (["--ego", "9", "--set", "sensor.range_m=-1"], truth, log, "sensor.range_m"),
         (["--ego", "9", "--step", "0"], truth, log, "--step"), (["--step", "0.2"], run.folder, log, "of their own"),
         (["--ego", "9", "--step", "0.1"], timed, log, "of their own"),
+        ([*more, "--step", "0.1"], samples, samples, "of their own"),
+        (["--ego", str(untimed)], samples, samples, "lacks the column time_s"), (["--ego", "9"], tokens, log, "poses"),
     ]  # fmt: skip
     capfd.readouterr()
     for more, of, tracks, named in calls:
