@@ -7,10 +7,14 @@ from typing import Annotated, TypedDict
 
 from harness.common.errors import InputError
 from harness.config import options as shared
-from harness.config.options import Option
+from harness.config.options import Option, declared
 
 NO_CHOICE = {
-    "ablation": (("models", "model_file", "real_data"), "the ablation study"),
+    "ablation": (
+        ("models", "model_file", "real_data", "cases", "particles", "seed", "cache"),
+        "the ablation study",
+    ),
+    "recordings": (("net", "seeds", "cache"), "a study of recordings"),
     "situations": ((), "the study by situation"),
 }
 """By study, the options that it has no use for, and how its message names it."""
@@ -62,9 +66,12 @@ def command(options: Options) -> None:
       python -m harness study situations --models residual --model-file my.npz
       python -m harness study ablation
     """
-    parameters, study = NO_CHOICE.get(options["case"], (("real_data",), "a study of simulated traffic"))
+    case: str = options["case"]
+    if case == "situations" and options["real_data"] is not None:
+        case = "recordings"
+    parameters, study = NO_CHOICE.get(case, (("real_data",), "a study of simulated traffic"))
     for parameter in parameters:
-        if options.get(parameter) is not None:
+        if options.get(parameter) != declared(Options)[parameter].option.default:
             raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
     from harness.commands.actions.make_study import make_study_of  # noqa: PLC0415
 

@@ -58,6 +58,13 @@ def writing(parameter: str, path: Path) -> Iterator[None]:
         raise (RunError if error.errno in NO_ROOM else InputError)(told) from None
 
 
+def check_folder(path: Path, parameter: str) -> None:
+    """Refuse a place where no folder can be, before the work whose results go there."""
+    there = next(each for each in (path, *path.absolute().parents) if each.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK)):
+        raise InputError(f"`{parameter}`: no folder can be written at {path}; choose another place")
+
+
 def full_disk(error: BaseException | None) -> OSError | None:
     """Return the system's refusal for want of room on a disk that an error is, or that led to it; None if none did."""
     while error is not None and not (isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)):

@@ -147,59 +147,52 @@ def _simulated(config: RunConfig, simulate: Simulate) -> SnapshotStream:
     more = [f"and {len(network.unusual) - MOST_UNUSUAL} more"] * (len(network.unusual) > MOST_UNUSUAL)
     unusual = "; ".join([*network.unusual[:MOST_UNUSUAL], *more])
     told += [f"unusual in {network.name}: {unusual}"] * bool(network.unusual)
-    return replace(observe_traffic(truth, sensor, config.seed), files=_network_files(network), report="; ".join(told))
+    named = {name: getattr(network, name) for name in ("net_file", "vehicle_types_file", "calibration_file")}
+    files = {name: file for name, file in named.items() if file is not None and file.is_file()}
+    return replace(observe_traffic(truth, sensor, config.seed), files=files, report="; ".join(told))
 
 
 def _sensor(config: RunConfig) -> Sensor:
     return build_sensor(sensor_settings(config.sensor.profile, config.sensor.overrides))
 
 
-def _network_files(network: Network) -> dict[str, Path]:
-    files = {name: getattr(network, name) for name in ("net_file", "vehicle_types_file", "calibration_file")}
-    return {name: file for name, file in files.items() if file is not None and file.is_file()}
-
-
 def check_gui(config: RunConfig) -> None:
-    """Check that there is traffic to be shown, and a window to show it in.
-
-    Raises:
-        InputError: The traffic is recorded, there is no screen, or sumo-gui is not installed.
-    """
+    """Check that there is traffic to be shown, and a window to show it in."""
     if config.replay is not None:
         raise InputError(
             "`gui`: `replay` uses recorded traffic, so no SUMO runs and there is nothing to open; leave it out"
         )
-
     check_window()
 
 
-def check_tracker_and_driver(config: RunConfig) -> None:
-    """Build both once as a check, so that a wrong name or option is reported before any traffic is simulated.
+def check_one_road(config: RunConfig) -> None:
+    """Refuse to film a network of many roads, which no film shows, before its traffic is simulated."""
+    if config.replay is None and load_network(config.traffic.net).corridor is None:
+        raise InputError(f"`video`: films show one road from above, and {config.traffic.net} has many; leave it out")
 
-    Raises:
-        InputError: There is no such tracker or driver, or the tracker refuses its options.
-    """
+
+def check_tracker_and_driver(config: RunConfig) -> None:
+    """Build both once as a check, so that a wrong name or option is reported before any traffic is simulated."""
+    settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     try:
-        settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
         sensor = replace(data_sheet(settings), **config.tracker.believes.sheet())
     except ValueError as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(f"`tracker.believes`: {error}") from None
     tracker_builder(config)(TrackerSetting(road=highway(), sensor=sensor, rng=np.random.default_rng(0)))
     driver_of(config.decisions.driver)
 
 
 def as_believed(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:
-    """Return the snapshots with the information that the configuration gives the tracker.
-
-    Raises:
-        InputError: Together with the data sheet the beliefs make no sense.
-    """
+    """Return the snapshots with the information that the configuration gives the tracker."""
     believes = config.tracker.believes
     if believes.of_the_map:
         snapshots = replace(snapshots, road=believed_map(snapshots.road, believes))
-    return snapshots.believed(believes.sheet(), believes.noise_factor, tells_signals=config.tracker.knows_signals)
+    try:
+        sensor = replace(snapshots.sensor, **believes.sheet())
+    except ValueError as error:
+        raise InputError(f"`tracker.believes`: {error}") from None
+    factor = 1.0 if believes.noise_factor is None else believes.noise_factor
+    return replace(snapshots, sensor=sensor, noise_factor=factor, tells_signals=config.tracker.knows_signals)
 
 
 def tracker_builder(config: RunConfig) -> TrackerBuilder:
@@ -216,15 +209,8 @@ def tracker_builder(config: RunConfig) -> TrackerBuilder:
     return build
 
 
-ONLY_LANE = 1
-
-
 def believed_map(road: Road, believes: BeliefsConfig) -> Road:
-    """Return the road as trackers are given it.
-
-    Raises:
-        InputError: The road has no such lane, or has no lanes of one direction that could be one.
-    """
+    """Return the road as trackers are given it."""
     if believes.map == "none":
         return LaneGraphRoad(without_map(), road.section_m, None, road.reference_xy, road.reference_start_m)
     missing, as_one = set(believes.lanes_left_out or ()), believes.map == "one-lane"
@@ -251,4 +237,4 @@ def _as_one(lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
     start, end = min(lane.start_m for lane in lanes), max(lane.end_m for lane in lanes)
     whole = [lane for lane in lanes if (lane.start_m, lane.end_m) == (start, end)] or list(lanes)
     right, left = min(lane.right_m for lane in whole), max(lane.left_m for lane in whole)
-    return (Lane(ONLY_LANE, right, left, start, end),)
+    return (Lane(1, right, left, start, end),)

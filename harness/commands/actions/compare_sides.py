@@ -34,15 +34,7 @@ WRITTEN = ("markdown", "html", "junit", "summary")
 
 
 def compare_sides(options: Mapping[str, Any]) -> int:
-    """Compare what the options name.
-
-    Returns:
-        Exit code: done, worse or undecided.
-
-    Raises:
-        InputError: The options or the folders do not make two sides that can be compared.
-        RunError: A run of the suite failed.
-    """
+    """Compare what the options name, and return the exit code: done, worse or undecided."""
     _check_used(options)
     _check_distinct(options)
     for parameter in () if options["force"] else WRITTEN:
@@ -102,11 +94,7 @@ def _is_comparison(path: Path) -> bool:
 
 
 def _check_free(path: Path | None, parameter: str) -> None:
-    """Refuse to replace a file that no comparison has written.
-
-    Raises:
-        InputError: There is such a file.
-    """
+    """Refuse to replace a file that no comparison has written."""
     if path is not None and path.is_file() and path.stat().st_size and not _is_comparison(path):
         raise InputError(f"`{parameter}`: {path} exists and no comparison wrote it; add `force` to replace it")
 
@@ -121,11 +109,20 @@ def _sides(options: Mapping[str, Any]) -> tuple[Source, Source] | None:
     given, baseline, suite = list(options["folders"] or ()), options["baseline"], options["suite"]
     if options["record"] and (suite is None or given):
         raise InputError("`record`: only a suite makes a baseline; for example `suite` standard with `record`")
+    if suite not in (None, *SUITES):
+        raise InputError(f"`suite` {suite}: no such suite; choose one of {', '.join(SUITES)}")
     if suite is not None and not given:
         before = None if options["record"] else open_source(baseline or str(BASELINE), "baseline")
         workers = options["workers"] or os.cpu_count() or 1
         out = options["out"] or Path("results/suite")
-        ran = run_suite(suite, out, workers=workers, resume=options["resume"], quiet=options["quiet"])
+        ran = run_stress(
+            SUITES[suite],
+            out,
+            lambda cells, on_row: run_cells(cells, workers, None, on_row),
+            resume=options["resume"],
+            user=on_stderr(options["quiet"]),
+            command=f"harness compare --suite {suite}",
+        )
         if ran.failures:
             raise RunError(f"{len(ran.failures)} runs of the suite failed, the first: {ran.failures[0]}")
         if before is None:
@@ -157,21 +154,3 @@ def keep_as_baseline(finished: FinishedGrid, name: str, baseline: Path) -> Path:
         with replacing(folder / file) as temporary:
             shutil.copyfile(finished.folder / file, temporary)
     return folder
-
-
-def run_suite(name: str, out: Path, *, workers: int, resume: bool, quiet: bool) -> FinishedGrid:
-    """Run a suite.
-
-    Raises:
-        InputError: There is no such suite, or the folder is wrong.
-    """
-    if name not in SUITES:
-        raise InputError(f"`suite` {name}: no such suite; choose one of {', '.join(SUITES)}")
-    return run_stress(
-        SUITES[name],
-        out,
-        lambda cells, on_row: run_cells(cells, workers, None, on_row),
-        resume=resume,
-        user=on_stderr(quiet),
-        command=f"harness compare --suite {name}",
-    )

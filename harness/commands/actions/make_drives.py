@@ -22,15 +22,7 @@ from harness.truth.network.network import load_network
 
 
 def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> FinishedDrives:
-    """Drive, and write the folder and its pages.
-
-    Args:
-        options: Options by name, as ``DriveOptions`` has them.
-        command: What the manifest says of how it was called.
-
-    Raises:
-        InputError: An option or the folder is wrong; nothing was driven.
-    """
+    """Drive as ``DriveOptions`` say, by name, and write the folder and its pages; ``command`` is for the manifest."""
     values = checked(DriveOptions, options, "drive")
     request = request_of(values)
     if request.detected is not None and DARK not in request.provoke:

@@ -12,7 +12,7 @@ import pandas as pd
 import typer
 
 from harness.common.errors import InputError
-from harness.common.files import write_results
+from harness.common.files import check_folder, write_results
 from harness.common.markdown import show_markdown
 from harness.common.progress import progress_bar
 from harness.config.lists import seed_values
@@ -34,11 +34,7 @@ Results = tuple[dict[str, Any], str]
 
 
 def make_study_of(options: Mapping[str, Any]) -> None:
-    """Make the study that the options of ``study`` describe.
-
-    Raises:
-        InputError: There is no such study, network or model.
-    """
+    """Make the study that the options of ``study`` describe."""
     case, net, quiet = options["case"], options["net"] or "us101", options["quiet"]
     traffic = seed_values(options["seeds"] or ("0:4" if case == "ablation" else "0:2"))
     folder = options["out"] or Path("results") / f"study-{case}"
@@ -47,6 +43,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
         if not quiet:
             typer.echo(line, err=True)
 
+    check_folder(folder, "out")
     if case == "ablation":
         numbers, text = _make_ablation(net, f"{traffic.start}:{traffic.stop}", folder, quiet)
     else:

@@ -9,7 +9,7 @@ import typer
 
 from harness.common.errors import InputError
 from harness.common.exit_codes import DONE, WORSE
-from harness.common.files import write_text
+from harness.common.files import check_folder, write_text
 from harness.common.markdown import markdown_table, show_markdown
 from harness.common.numbers import as_json, without_nan
 from harness.common.progress import progress_bar
@@ -20,6 +20,7 @@ from harness.lab.bench import BenchPlan, run_bench
 def measure(options: Mapping[str, Any]) -> int:
     """Run ``bench`` with the given options and return the exit code; raises ``InputError`` where they are wrong."""
     out, quiet, against = options["out"], options["quiet"], options["against"]
+    check_folder(out, "out")
     counts = _counts(options["vehicles"] or ("50" if against else "10,25,50,100,200"))
     trackers = options["trackers"] or ("mmpf:residual" if against else "")
     names = tuple(name.strip() for name in trackers.split(",") if name.strip())
