@@ -15,15 +15,12 @@ Outcome = int | None
 
 
 def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
-    """Return what typer takes for a command of a table of options; a function in typer's own manner stays as it is."""
-    table = get_type_hints(command).get("options")
-    if table is None:
-        return command
+    """Return what typer takes for a command of a table of options."""
 
     def called(**values: object) -> Outcome:
         return command(values)
 
-    parameters = [_parameter(name, entry) for name, entry in declared(table).items()]
+    parameters = [_parameter(name, entry) for name, entry in _entries(command).items()]
     called.__doc__ = command.__doc__
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -32,15 +29,18 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
 
 def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> list[str]:
     """Return what was typed, with a value after each option that may be typed without one."""
-    table = get_type_hints(command).get("options")
-    entries = {} if table is None else declared(table)
-    alone = {f"--{name.replace('_', '-')}": entry.option.alone for name, entry in entries.items() if entry.option.alone}
+    options = {name: entry.option for name, entry in _entries(command).items()}
+    alone = {f"--{name.replace('_', '-')}": option.alone for name, option in options.items() if option.alone}
     completed: list[str] = []
     for word, after in zip(arguments, [*arguments[1:], "--"], strict=True):
         completed.append(word)
         if word in alone and after.startswith("-"):
             completed.append(str(alone[word]))
     return completed
+
+
+def _entries(command: Callable[..., Outcome]) -> dict[str, Declared]:
+    return declared(get_type_hints(command)["options"])
 
 
 def _parameter(name: str, entry: Declared) -> inspect.Parameter:

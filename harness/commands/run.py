@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import typer
 
@@ -43,7 +41,8 @@ def command(options: Options) -> None:
     from harness.api import make_run  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
-    with _only_results_on_stdout():
+    with streams_and_depth_kept():
+        os.dup2(2, 1)  # what libraries, SUMO's C++ among them, print on stdout goes to stderr
         finished = make_run(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
     if not quiet:
         from harness.report.summary import print_summary  # noqa: PLC0415
@@ -53,11 +52,3 @@ def command(options: Options) -> None:
         from harness.common.numbers import as_json as text_of  # noqa: PLC0415
 
         typer.echo(text_of(finished.metrics), nl=False)
-
-
-@contextmanager
-def _only_results_on_stdout() -> Iterator[None]:
-    """Send to stderr what libraries, SUMO's C++ among them, print on stdout."""
-    with streams_and_depth_kept():
-        os.dup2(2, 1)
-        yield

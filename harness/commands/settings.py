@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
+from harness.config.options import Option
 
-def command(
+
+class Options(TypedDict):
+    """The options of ``settings``."""
+
     word: Annotated[
-        str, typer.Argument(metavar="[WORD]", help="Show only settings whose key or kind contains this word.")
-    ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print the settings as JSON on stdout.")] = False,
-) -> None:
+        str,
+        Option(
+            "Show only settings whose key or kind contains this word.", default="", metavar="[WORD]", is_argument=True
+        ),
+    ]
+    json: Annotated[bool, Option("Print the settings as JSON on stdout.", default=False)]
+
+
+def command(options: Options) -> None:
     """List every setting with its default, unit and meaning, and all named choices.
 
     Settings of the run, the traffic, the sensor profiles and all trackers are
@@ -28,8 +37,8 @@ def command(
     """
     from harness.commands.settings_table import all_settings, print_settings  # noqa: PLC0415
 
-    rows = all_settings(word)
-    if as_json:
+    rows = all_settings(options["word"])
+    if options["json"]:
         typer.echo(json.dumps([asdict(row) for row in rows], indent=2, ensure_ascii=False, default=str))
     else:
         print_settings(rows)

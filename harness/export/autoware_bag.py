@@ -8,7 +8,7 @@ truth is on a topic of its own, on which no tracker listens.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -20,7 +20,7 @@ from mcap_ros2.writer import Writer
 
 from harness.export.sizes import SIZE, detection_sizes, track_sizes
 from harness.running.finished import RecordedRun
-from harness.storage.tables import floats
+from harness.storage.tables import floats, rows_of_steps
 from mmpf.numerics.arrays import FloatArray, IntArray, turned
 
 FILE, MAP, EGO = "autoware.mcap", "map", "base_link"
@@ -169,11 +169,8 @@ def _directions(run: RecordedRun, table: pd.DataFrame) -> FloatArray:
     return np.asarray(run.road.heading_at(floats(table, "lon_m")), dtype=np.float64)
 
 
-def _by_step(table: pd.DataFrame, messages: Sequence[Message]) -> Mapping[int, list[Message]]:
-    steps: dict[int, list[Message]] = {}
-    for step, message in zip(table["step"].tolist(), messages, strict=True):
-        steps.setdefault(step, []).append(message)
-    return steps
+def _by_step(table: pd.DataFrame, messages: list[Message]) -> Mapping[int, list[Message]]:
+    return {step: messages[rows] for step, rows in rows_of_steps(table).items()}
 
 
 def _column(table: pd.DataFrame, name: str, usual: float) -> FloatArray:

@@ -7,7 +7,7 @@ box. Time counts from the run's begin. Everything in a scene lives until the nex
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from harness.common.palette import DETECTION_COLOUR, EGO_COLOUR, LANE_COLOUR, PURPLE, STATE_COLOURS
-from harness.export.curves import Curves, curves_of
+from harness.export.curves import curves_of
 from harness.export.lanes import lanes_of
 from harness.export.sizes import SIZE, detection_sizes, track_sizes
 from harness.running.finished import RecordedRun
@@ -98,7 +98,8 @@ def _write(run: RecordedRun, recording: _Recording) -> None:
     kinds = {"/truth": _truth(run), "/detections": _detections(run), "/tracks": _tracks(run)}
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     ego_at = dict(zip(egos["step"].tolist(), np.column_stack(run.in_plane(egos)).tolist(), strict=True))
-    numbers = list(_numbers(curves))
+    numbers = {f"error_{name}_m": values for name, values in curves.error_m.items()}
+    numbers |= {name.replace(" ", "_"): values for name, values in curves.count.items()}
     for k, (step, time_s) in enumerate(zip(steps.tolist(), curves.time_s.tolist(), strict=True)):
         time_ns = round(time_s * NANOSECONDS)
         if k == 0:
@@ -107,7 +108,7 @@ def _write(run: RecordedRun, recording: _Recording) -> None:
             recording.put("/tf", time_ns, _transform(ego_at[step], time_ns))
         for topic, boxes in kinds.items():
             recording.put(topic, time_ns, _scene(boxes, step, time_ns, round(run.step_s * NANOSECONDS)))
-        recording.put_numbers("/curves", time_ns, numbers[k])
+        recording.put_numbers("/curves", time_ns, {name: float(values[k]) for name, values in numbers.items()})
 
 
 def _truth(run: RecordedRun) -> _Boxes:
@@ -206,13 +207,6 @@ def _transform(place: Sequence[float], time_ns: int) -> FrameTransform:
     transform.translation.x, transform.translation.y = place[0], place[1]
     transform.rotation.z, transform.rotation.w = np.sin(0.5 * place[2]), np.cos(0.5 * place[2])
     return transform
-
-
-def _numbers(curves: Curves) -> Iterator[dict[str, float]]:
-    columns = {f"error_{name}_m": values for name, values in curves.error_m.items()}
-    columns |= {name.replace(" ", "_"): values for name, values in curves.count.items()}
-    for k in range(len(curves.time_s)):
-        yield {name: float(values[k]) for name, values in columns.items()}
 
 
 def _stamp(stamp: Any, time_ns: int) -> None:  # noqa: ANN401

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from harness.storage.tables import floats, rows_of_steps
 from mmpf.numerics.arrays import FloatArray, IntArray, turned
 
 Columns = dict[str, list[Any]]
-Describe = Callable[[Any, Columns, int, Mapping[str, int]], None]
+Describe = Callable[[Any, Columns, int], None]
 
 OSI_VERSION = (3, 8, 0)
 HEIGHT_M = 1.5
@@ -47,8 +48,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1, first_lane=len(names) + 1))
     found, whose = run.detections, (run.tracks[name].to_numpy() for name in ("episode", "track_id"))
     found, tracks = _sized(found, detection_sizes(found)), _sized(run.tracks, track_sizes(run, *whose))
-    _write_trace(files[1], _sensor_data(run, found, _describe_detection, numbers))
-    _write_trace(files[2], _sensor_data(run, tracks, _describe_track, numbers))
+    _write_trace(files[1], _sensor_data(run, found, partial(_describe_detection, numbers)))
+    _write_trace(files[2], _sensor_data(run, tracks, _describe_track))
     rows = [f"{number},{name}" for name, number in numbers.items()]
     files[3].write_text("\n".join(["number,vehicle_id", *rows]) + "\n", encoding="utf-8")
     return files
@@ -94,9 +95,7 @@ def _ground_truth(run: RecordedRun, number: IntArray, first_lane: int) -> Iterat
         yield message
 
 
-def _sensor_data(
-    run: RecordedRun, table: pd.DataFrame, describe: Describe, numbers: Mapping[str, int]
-) -> Iterator[SensorData]:
+def _sensor_data(run: RecordedRun, table: pd.DataFrame, describe: Describe) -> Iterator[SensorData]:
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     ego_x, ego_y, ego_heading = run.in_plane(egos)
     x, y, heading = run.in_plane(table)
@@ -120,7 +119,9 @@ def _sensor_data(
             if "lat_speed_mps" in columns:
                 velocity = turned(columns["speed_mps"][i], columns["lat_speed_mps"][i], ego_heading[k] - along[i])
                 found.base.velocity.x, found.base.velocity.y = velocity
-            describe(found, columns, i, numbers)
+            found.base_rmse.position.x = float(columns["std_lon_m"][i])
+            found.base_rmse.position.y = float(columns["std_lat_m"][i])
+            describe(found, columns, i)
         yield message
 
 
@@ -128,25 +129,18 @@ def _sized(table: pd.DataFrame, size_m: FloatArray) -> pd.DataFrame:
     return table.assign(**dict(zip(SIZE, size_m.T, strict=True)))
 
 
-def _describe_detection(found: Any, columns: Columns, row: int, numbers: Mapping[str, int]) -> None:  # noqa: ANN401
+def _describe_detection(numbers: Mapping[str, int], found: Any, columns: Columns, row: int) -> None:  # noqa: ANN401
     found.header.measurement_state = DetectedItemHeader.MEASUREMENT_STATE_MEASURED
-    _spread(found, columns, row)
     if (origin := numbers.get(columns["truth_id"][row])) is not None:
         found.header.ground_truth_id.add(value=origin)
 
 
-def _describe_track(found: Any, columns: Columns, row: int, numbers: Mapping[str, int]) -> None:  # noqa: ANN401, ARG001
+def _describe_track(found: Any, columns: Columns, row: int) -> None:  # noqa: ANN401
     seen = columns["state"][row] != "hidden"
     state = "MEASUREMENT_STATE_MEASURED" if seen else "MEASUREMENT_STATE_PREDICTED"
     found.header.measurement_state = getattr(DetectedItemHeader, state)
     found.header.tracking_id.value = int(columns["track_id"][row])
     found.header.existence_probability = float(columns["existence"][row])
-    _spread(found, columns, row)
-
-
-def _spread(found: Any, columns: Columns, row: int) -> None:  # noqa: ANN401
-    found.base_rmse.position.x = float(columns["std_lon_m"][row])
-    found.base_rmse.position.y = float(columns["std_lat_m"][row])
 
 
 def _stamp(message: Any, time_s: float) -> None:  # noqa: ANN401

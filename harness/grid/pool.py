@@ -173,36 +173,26 @@ class CellQueue:
 
     def __init__(self, cells: Iterable[Cell]) -> None:
         """Take in the cells; traffic is begun in their order."""
-        self._new: dict[CellTraffic, deque[Cell]] = {}
-        self._begun: dict[CellTraffic, deque[Cell]] = {}
+        self._waiting: dict[CellTraffic, deque[Cell]] = {}
+        self._begun: set[CellTraffic] = set()
         for cell in cells:
-            self._new.setdefault(cell.traffic, deque()).append(cell)
+            self._waiting.setdefault(cell.traffic, deque()).append(cell)
 
     def __bool__(self) -> bool:
-        return bool(self._new or self._begun)
+        return bool(self._waiting)
 
     def take(self, remembered: CellTraffic | None) -> Cell:
-        """Take the next cell: of the remembered traffic, else of traffic that no worker has begun, else any.
-
-        Args:
-            remembered: Traffic of the cell that the worker did last; None for a new one.
-
-        Raises:
-            ValueError: No cell waits.
-        """
+        """Take the next cell: of the traffic that the worker remembers, else of any that none has begun, else any."""
         traffic = remembered
-        if traffic not in self._begun:
-            if self._new:
-                traffic = next(iter(self._new))
-                self._begun[traffic] = self._new.pop(traffic)
-            else:
-                traffic = max(self._begun, key=lambda key: len(self._begun[key]))
-        cells = self._begun[traffic]
-        cell = cells.popleft()
-        if not cells:
-            del self._begun[traffic]
+        if traffic not in self._waiting:
+            new = (each for each in self._waiting if each not in self._begun)
+            traffic = next(new, None) or max(self._waiting, key=lambda each: len(self._waiting[each]))
+        self._begun.add(traffic)
+        cell = self._waiting[traffic].popleft()
+        if not self._waiting[traffic]:
+            del self._waiting[traffic]
         return cell
 
     def put_back(self, cell: Cell) -> None:
         """Let a cell wait again, before the others of its traffic."""
-        self._begun.setdefault(cell.traffic, deque()).appendleft(cell)
+        self._waiting.setdefault(cell.traffic, deque()).appendleft(cell)

@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from harness.common.errors import InputError
 from harness.running.follow import keep_freed_memory
-from harness.running.watchers import DiagnosedTracker
+from harness.running.watchers import report_of
 from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import Tracker, TrackerSetting, TruthAssociatedTracker
 from harness.truth.frame import STEP_S
@@ -88,8 +88,8 @@ class TimedTracker:
         self.cpu_ms.append(1e3 * cpu_s)
         self.peak_mb = max(self.peak_mb, _peak_memory_mb())
         self.tracks = int((tracks.state != TENTATIVE).sum())
-        if isinstance(self.tracker, DiagnosedTracker):
-            for stage, took_ms in self.tracker.last_report.stage_ms.items():
+        if (report := report_of(self.tracker)) is not None:
+            for stage, took_ms in report.stage_ms.items():
                 self.stages_ms.setdefault(stage, []).append(took_ms)
 
     def row(self, vehicles: int) -> dict[str, Any]:

@@ -52,9 +52,6 @@ def follow(
     """Give snapshots to trackers, step by step, until they end.
 
     Each episode, that is each ego, gets a new tracker with its own stream; track identities stay unique over the run.
-
-    Args:
-        build_tracker: Called at the start of each episode.
     """
     keep_freed_memory()
     # Matrix products of filters are small: a second BLAS thread costs more than it gives, far more on a busy machine.
@@ -109,7 +106,11 @@ class _EpisodeTrackers:
         """Give the tracker one scan and make its identities unique over the run."""
         scan = self._told(snapshot)
         tracks = self._stepped(self.tracker, scan, snapshot)
-        self._check(tracks, scan)
+        if (fault := fault_of(tracks)) is not None:
+            raise RunError(
+                f"the tracker {described(self.tracker)} returned at {scan.time_s:g} s what can't be scored: "
+                f"{fault}; `python -m harness check-tracker` has details (docs/how-to/tracker.md)"
+            )
         if not len(tracks):
             return tracks
         unique = replace(tracks, track_id=tracks.track_id + self.id_offset)
@@ -128,13 +129,6 @@ class _EpisodeTrackers:
         if not self.snapshots.tells_signals or not snapshot.frame.signals:
             return scan
         return replace(scan, open_signals=np.array([letter == OPEN for letter in snapshot.frame.signals]))
-
-    def _check(self, tracks: object, scan: Scan) -> None:
-        if (fault := fault_of(tracks)) is not None:
-            raise RunError(
-                f"the tracker {described(self.tracker)} returned at {scan.time_s:g} s what can't be scored: "
-                f"{fault}; `python -m harness check-tracker` has details (docs/how-to/tracker.md)"
-            )
 
     def _fresh_tracker(self, stream: np.random.SeedSequence) -> AnyTracker:
         snapshots, rng = self.snapshots, np.random.default_rng(stream)
@@ -165,10 +159,8 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
     return replace(scan, detections=detections)
 
 
-TRIM_THRESHOLD, TOP_PAD, MMAP_THRESHOLD = -1, -2, -3
-LARGEST_ALLOWED_BYTES = 32 * 2**20
-NEVER_BYTES = 2**31 - 1
-PAD_BYTES = 64 * 2**20
+KEPT_BYTES = {-3: 32 * 2**20, -1: 2**31 - 1, -2: 64 * 2**20}
+"""Options of ``mallopt``: the largest M_MMAP_THRESHOLD that is allowed, no M_TRIM_THRESHOLD, and M_TOP_PAD."""
 
 
 def keep_freed_memory() -> None:
@@ -177,11 +169,7 @@ def keep_freed_memory() -> None:
     Each step of a tracker lets go of arrays as large as the next step asks for. Handed back to the system, they cost a
     page fault for every 4 KiB when they come back: about a tenth of a step. Other allocators are left as they are.
     """
-    if sys.platform != "linux":
-        return
-    set_option = getattr(ctypes.CDLL(None), "mallopt", None)
-    if set_option is None:
-        return
-    set_option(MMAP_THRESHOLD, LARGEST_ALLOWED_BYTES)
-    set_option(TRIM_THRESHOLD, NEVER_BYTES)
-    set_option(TOP_PAD, PAD_BYTES)
+    set_option = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if set_option is not None:
+        for option, value in KEPT_BYTES.items():
+            set_option(option, value)

@@ -59,14 +59,10 @@ class ColumnRecorder:
         self._rows += len(snapshot.frame)
         self.steps += 1
 
-    @property
-    def kept(self) -> int:
-        """How many steps were recorded since the last stretch ended."""
-        return self.steps - self._forgotten
-
     def tables(self) -> dict[str, pd.DataFrame]:
         """Return the tables that are kept, by file; an interrupt in the middle of a step leaves that step out."""
-        return {name: _joined(columns[: self.kept]) for name, columns in self._columns.items()}
+        whole = self.steps - self._forgotten
+        return {name: _joined(columns[:whole]) for name, columns in self._columns.items()}
 
     def forget(self) -> None:
         """Free what is stored."""
@@ -96,9 +92,11 @@ def _truth_columns(snapshot: Snapshot) -> Columns:
     return _columns(TRUTH, len(frame), {**vars(observation), **vars(frame), **values})
 
 
-def columns_of(table: pd.DataFrame, name: str) -> Columns:
+def columns_of(rows: Rows, name: str) -> Columns:
     """Return the columns of a table that its file's schema declares, each of shape (n,); words with codes as those."""
-    return {column.name: _values(table, column) for column in TABLES[name].columns if column.name in table}
+    if isinstance(rows, dict):
+        return rows
+    return {column.name: _values(rows, column) for column in TABLES[name].columns if column.name in rows}
 
 
 def rows_by_step(columns: Columns) -> dict[int, Columns]:
@@ -111,22 +109,21 @@ def rows_by_step(columns: Columns) -> dict[int, Columns]:
 
 def frame_of(rows: Rows) -> Frame:
     """Return the frame that one step's rows of the truth table record; its ``ego`` is -1 where no row ``is_ego``."""
-    egos = np.flatnonzero(np.asarray(rows["is_ego"], dtype=bool))
-    names = {each.name for each in fields(Frame)} & set(rows)
-    arrays = {column.name: _values(rows, column) for column in TABLES[TRUTH].columns if column.name in names}
-
-    def first(name: str, default: float | str) -> Any:  # noqa: ANN401
-        return np.asarray(rows[name])[0] if name in rows else default
-
+    columns = columns_of(rows, TRUTH)
+    egos = np.flatnonzero(columns["is_ego"])
+    first = {name: values[0] for name, values in columns.items()}
     of_step: dict[str, Any] = {
-        "step": int(arrays["step"][0]),
-        "time_s": float(arrays["time_s"][0]),
-        "episode": int(arrays["episode"][0]),
+        "step": int(first["step"]),
+        "time_s": float(first["time_s"]),
+        "episode": int(first["episode"]),
         "ego": int(egos[0]) if len(egos) else -1,
-        "window_m": (float(first("window_start_m", EVERYWHERE[0])), float(first("window_end_m", EVERYWHERE[1]))),
-        "signals": str(first("signals", "")),
+        "window_m": (
+            float(first.get("window_start_m", EVERYWHERE[0])),
+            float(first.get("window_end_m", EVERYWHERE[1])),
+        ),
+        "signals": str(first.get("signals", "")),
     }
-    return Frame(**arrays | of_step)
+    return Frame(**{each.name: columns[each.name] for each in fields(Frame) if each.name in columns} | of_step)
 
 
 def _detection_columns(snapshot: Snapshot) -> Columns:
@@ -146,11 +143,11 @@ def _detection_columns(snapshot: Snapshot) -> Columns:
 
 def detections_of(rows: Rows) -> Detections:
     """Return the detections that rows of the table record, with sizes and directions where they were measured."""
+    columns = columns_of(rows, DETECTIONS)
 
     def arrays(kind: type, **other_names: str) -> dict[str, Any]:
         names = {each.name: other_names.get(each.name, each.name) for each in fields(kind)}
-        table = TABLES[DETECTIONS]
-        return {name: _values(rows, table.of(column)) for name, column in names.items() if column in rows}
+        return {name: columns[column] for name, column in names.items() if column in columns}
 
     sizes, headings = arrays(BodySizes), arrays(BodyHeadings, std_rad="std_heading_rad")
     return Detections(
@@ -162,13 +159,11 @@ def detections_of(rows: Rows) -> Detections:
 
 def tracks_of(rows: pd.DataFrame) -> Tracks:
     """Return the tracks that rows of the table record."""
-    return Tracks(**{each.name: _values(rows, TABLES[TRACKS].of(each.name)) for each in fields(Tracks)})
+    columns = columns_of(rows, TRACKS)
+    return Tracks(**{each.name: columns[each.name] for each in fields(Tracks)})
 
 
-def _values(rows: Rows, column: Column) -> npt.NDArray[Any]:
-    """Return a column as an array, shape (n,); words with codes as those."""
-    if isinstance(rows, dict):
-        return rows[column.name]
+def _values(rows: pd.DataFrame, column: Column) -> npt.NDArray[Any]:
     if column.words:
         return np.asarray(pd.Index(column.words).get_indexer(pd.Index(rows[column.name])), dtype=np.int64)
     return rows[column.name].to_numpy(dtype=np.str_ if column.is_text else column.type)

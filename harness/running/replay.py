@@ -43,25 +43,17 @@ RECORDED = (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.ROAD)
 
 
 def read_snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
-    """Read the truth and detections of a run folder.
-
-    Raises:
-        InputError: The folder is no finished run, or one of its files is missing, truncated or broken.
-    """
+    """Read the truth and detections of a run folder."""
     with sound_tables(folder, PARAMETER):
-        return _snapshots(folder, config)
-
-
-def _snapshots(folder: Path, config: RunConfig) -> SnapshotStream:
-    runfolder.read_manifest(folder, PARAMETER, ended=False)
-    truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER)
-    detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER)
-    settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
-    road = read_road(folder / runfolder.ROAD, PARAMETER)
-    check_truth(truth, road, f"`{PARAMETER}`: {folder / runfolder.TRUTH}")
-    snapshots = snapshots_of(truth, detections, road, settings)
-    tell_edited(folder, PARAMETER)
-    return replace(snapshots, files={f"replay/{name}": folder / name for name in RECORDED})
+        runfolder.read_manifest(folder, PARAMETER, ended=False)
+        truth = runfolder.read_table(folder, runfolder.TRUTH, PARAMETER)
+        detections = runfolder.read_table(folder, runfolder.DETECTIONS, PARAMETER)
+        settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
+        road = read_road(folder / runfolder.ROAD, PARAMETER)
+        check_truth(truth, road, f"`{PARAMETER}`: {folder / runfolder.TRUTH}")
+        snapshots = snapshots_of(truth, detections, road, settings)
+        tell_edited(folder, PARAMETER)
+        return replace(snapshots, files={f"replay/{name}": folder / name for name in RECORDED})
 
 
 def snapshots_of(truth: pd.DataFrame, detections: pd.DataFrame, road: Road, settings: SensorSettings) -> SnapshotStream:

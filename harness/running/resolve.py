@@ -57,11 +57,7 @@ def resolve_run_config(
 
 
 def with_usual_traffic(config: RunConfig) -> RunConfig:
-    """Return a configuration with its network's default demand or density where it sets neither.
-
-    Raises:
-        InputError: There is no such network.
-    """
+    """Return a configuration with its network's default demand or density where it sets neither."""
     traffic = config.traffic
     asked = traffic.demand is not None or traffic.density is not None or traffic.recording is not None
     if asked or brings_its_own_demand(traffic.net):
@@ -72,25 +68,20 @@ def with_usual_traffic(config: RunConfig) -> RunConfig:
 
 
 def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the traffic's table with the file's format and the network that it is driven on."""
-    traffic = dict(asked.get("traffic", {}))
+    """Return traffic with the file's format and network, and the sensor of a recording with its own detections."""
+    traffic, sensor = dict(asked.get("traffic", {})), dict(asked.get("sensor", {}))
     asked_for = dict(traffic.get("recording", {}))
     entry = recognise(path, asked_for.get("format"))
-    recording = {"ego": entry.usual_ego} | asked_for
-    traffic["recording"] = recording | {"format": entry.name}
-    part = {"traffic": traffic | {"net": network_of(entry, traffic.get("net"))}}
-    return part if entry.sensor is None else part | _own_detections_part(entry.name, entry.sensor, asked, recording)
-
-
-def _own_detections_part(
-    name: str, sensor: str, asked: Mapping[str, Any], recording: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the sensor's table of a recording with its own detections; refuse settings that it does not allow."""
-    if recording["ego"] not in ("auto", "each"):
-        raise InputError(f"`ego` {recording['ego']}: a {name} recording is seen from its own car; leave `ego` out")
-    if (profile := asked.get("sensor", {}).get("profile")) not in (None, sensor):
-        raise InputError(f"`sensor` {profile}: a {name} recording brings its own detections; leave `sensor` out")
-    return {"sensor": dict(asked.get("sensor", {})) | {"profile": sensor}}
+    recording = {"ego": entry.usual_ego} | asked_for | {"format": entry.name}
+    part = {"traffic": traffic | {"recording": recording, "net": network_of(entry, traffic.get("net"))}}
+    if entry.sensor is None:
+        return part
+    own = f"a {entry.name} recording"
+    if (ego := recording["ego"]) not in ("auto", "each"):
+        raise InputError(f"`ego` {ego}: {own} is seen from its own car; leave `ego` out")
+    if (profile := sensor.get("profile")) not in (None, entry.sensor):
+        raise InputError(f"`sensor` {profile}: {own} brings its own detections; leave `sensor` out")
+    return part | {"sensor": sensor | {"profile": entry.sensor}}
 
 
 def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,11 +100,7 @@ def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_sensor_of_folder(sensor: SensorConfig, folder: Path, parameter: str) -> None:
-    """Refuse a run's folder whose sensor would have to be imported.
-
-    Raises:
-        InputError: The sensor is another package's, and its figures are not all there.
-    """
+    """Refuse a run's folder whose sensor would have to be imported."""
     if not is_built_in(sensor.profile) and not has_all_figures(sensor.profile, sensor.overrides):
         raise InputError(
             f"`{parameter}`: the sensor of {folder} is {sensor.profile}, whose figures are not all in its config.toml, "

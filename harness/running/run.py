@@ -100,17 +100,20 @@ def run(
             its pictures, for which there was no room.
         RunInterruptedError: The user stopped the run; likewise.
     """
+
+    def tell(line: str) -> None:
+        if line and not quiet:
+            sys.stderr.write(f"{line}\n")
+
     check_tracker_and_driver(config)
-    if resume and out is not None:
-        kept = kept_metrics(config, out, open_snapshots, lambda line: None if quiet else sys.stderr.write(f"{line}\n"))
-        if kept is not None:
-            return FinishedRun(out, kept)
+    if resume and out is not None and (kept := kept_metrics(config, out, open_snapshots, tell)) is not None:
+        return FinishedRun(out, kept)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     attempt = _Attempt(config, pending.path, command)
-    if pending.replaced is not None and not quiet:
-        sys.stderr.write(f"when this run is done it replaces {pending.replaced}\n")
+    if pending.replaced is not None:
+        tell(f"when this run is done it replaces {pending.replaced}")
     try:
-        metrics = attempt.complete(open_snapshots, draw, quiet)
+        metrics = attempt.complete(open_snapshots, draw, quiet, tell)
         with signals_held(forgotten=True):
             finished = FinishedRun(folder=pending.finish(), metrics=metrics)
     except InputError:
@@ -186,7 +189,9 @@ class _Attempt:
         """How many steps are finished."""
         return self._evaluation.steps if self._evaluation is not None else 0
 
-    def complete(self, open_snapshots: OpenSnapshots, draw: Drawing | None, quiet: bool) -> dict[str, Any]:
+    def complete(
+        self, open_snapshots: OpenSnapshots, draw: Drawing | None, quiet: bool, tell: Callable[[str], object]
+    ) -> dict[str, Any]:
         """Do the whole run and return the metrics."""
         begin = perf_counter()
         config, folder, writer = self._config, self._folder, self._writer
@@ -196,12 +201,7 @@ class _Attempt:
             snapshots = self._snapshots = open_snapshots(config)
         writer.code, models = provenance_of([config])
         writer.inputs = snapshots.hashes() | models
-
-        def say(line: str) -> None:
-            if line and not quiet:
-                sys.stderr.write(line + "\n")
-
-        say(snapshots.report)
+        tell(snapshots.report)
         write_road(snapshots.road, folder / runfolder.ROAD)
         moment, diagnostics = MomentKeeper(), DiagnosticsKeeper()
         keepers: dict[str, Keeper] = {runfolder.DIAGNOSTICS: diagnostics, runfolder.PARTICLES: ParticleKeeper()}
@@ -270,9 +270,6 @@ def kept_metrics(
     Args:
         open_snapshots: Opens the traffic, whose files are compared with those of the run.
         tell: Called with a sentence on what is kept.
-
-    Raises:
-        InputError: It did not end, was edited, or has other settings, code, models or input files.
     """
     if not out.exists():
         left = out.with_name(out.name + runfolder.INCOMPLETE_SUFFIX)

@@ -66,25 +66,6 @@ class SnapshotStream:
     noise_factor: float = 1.0
     tells_signals: bool = False
 
-    def believed(
-        self, sheet: Mapping[str, float], noise_factor: float | None, *, tells_signals: bool = False
-    ) -> SnapshotStream:
-        """Return the same snapshots with changed information for trackers.
-
-        Args:
-            sheet: Values in place of those of the data sheet, by name.
-            noise_factor: Factor on the deviations that detections report to trackers; None for none.
-
-        Raises:
-            InputError: Together with the data sheet the values make no sense.
-        """
-        try:
-            sensor = replace(self.sensor, **sheet)
-        except ValueError as error:
-            raise InputError(f"`tracker.believes`: {error}") from None
-        factor = 1.0 if noise_factor is None else noise_factor
-        return replace(self, sensor=sensor, noise_factor=factor, tells_signals=tells_signals)
-
     def __iter__(self) -> Iterator[Snapshot]:
         return iter(self.stream)
 

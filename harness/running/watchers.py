@@ -5,7 +5,6 @@ from __future__ import annotations
 from array import array
 from collections.abc import MutableSequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 import pandas as pd
@@ -21,13 +20,16 @@ from mmpf.stages.reporting import StepReport
 from mmpf.tracks import HIDDEN, Tracks
 
 
-@runtime_checkable
-class ParticleFilter(Protocol):
-    """A tracker that can show its particles."""
+def cloud_of(tracker: AnyTracker) -> ParticleCloud | None:
+    """Return a tracker's particles after the last scan, of its attribute ``mixture``; None of one without any."""
+    mixture = getattr(tracker, "mixture", None)
+    return mixture.cloud if isinstance(mixture, Mixture) else None
 
-    @property
-    def mixture(self) -> Mixture:
-        """The belief after the last scan."""
+
+def report_of(tracker: AnyTracker) -> StepReport | None:
+    """Return the diagnostics of a tracker's last step, its attribute ``last_report``; None of one that tells none."""
+    report = getattr(tracker, "last_report", None)
+    return report if isinstance(report, StepReport) else None
 
 
 @dataclass(frozen=True)
@@ -53,20 +55,11 @@ class MomentKeeper:
         if hidden <= self._best:
             return
         self._best = hidden
-        particles = tracker.mixture.cloud.state[[LON, LAT]] if isinstance(tracker, ParticleFilter) else None
-        self.moment = RunMoment(snapshot, tracks, particles)
+        cloud = cloud_of(tracker)
+        self.moment = RunMoment(snapshot, tracks, None if cloud is None else cloud.state[[LON, LAT]])
 
 
 DECIMALS = 6
-
-
-@runtime_checkable
-class DiagnosedTracker(Protocol):
-    """A tracker that reports diagnostics of its last step."""
-
-    @property
-    def last_report(self) -> StepReport:
-        """What happened inside the last step."""
 
 
 @dataclass
@@ -78,9 +71,9 @@ class DiagnosticsKeeper:
 
     def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Look at one step; a tracker that tells nothing leaves no row."""
-        if not isinstance(tracker, DiagnosedTracker):
+        if (report := report_of(tracker)) is None:
             return
-        report, frame = tracker.last_report, snapshot.frame
+        frame = snapshot.frame
         when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
         # The wall times of the stages are no part of the table: equal runs give equal tables.
         names = (name for name in TABLES[DIAGNOSTICS].needed if name not in when)
@@ -109,9 +102,8 @@ class ParticleKeeper:
 
     def watch(self, snapshot: Snapshot, tracks: Tracks, tracker: AnyTracker) -> None:  # noqa: ARG002
         """Look at one step."""
-        if not isinstance(tracker, ParticleFilter):
+        if (cloud := cloud_of(tracker)) is None:
             return
-        cloud = tracker.mixture.cloud
         shown = systematic_sample(cloud, SHOWN_PER_COMPONENT)
         places = np.round([cloud.state[LON].take(shown), cloud.state[LAT].take(shown)], PLACE_DECIMALS)
         self._steps.append((snapshot.frame.step, places.astype(np.float32)))
