@@ -5,7 +5,8 @@ class InputError(Exception):
     """The input is wrong: exit code 2, the message on one line.
 
     The message names the parameter in backticks, as Python spells it, or the file, says what is wrong with it, and how
-    to fix it. The command line spells the names of its own options as they are typed.
+    to fix it. The command line spells the names of its own options as they are typed. Every function that takes what a
+    user gave may raise it; a docstring says so where there is more to tell.
     """
 
     def __init__(self, message: str) -> None:

@@ -30,11 +30,7 @@ EXCLUSIVE = ("demand", "density")
 
 
 def merged(config_file: Path | None, options: Mapping[str, object], settings: Sequence[str]) -> Table:
-    """Return what the user set, unchecked, as one nested table.
-
-    Raises:
-        InputError: The file can't be read, or a setting is no ``KEY=VALUE``.
-    """
+    """Return what the user set, unchecked, as one nested table."""
     merged: Table = {}
     in_file = read_toml(config_file, "config") if config_file is not None else {}
     for layer in (in_file, _table_of_options(options), _table_of_settings(settings)):
@@ -44,11 +40,7 @@ def merged(config_file: Path | None, options: Mapping[str, object], settings: Se
 
 
 def config_from_table(table: Table) -> RunConfig:
-    """Check a nested table and fill in the defaults.
-
-    Raises:
-        InputError: A key is unknown or a value is out of bounds; the message names the key or parameter.
-    """
+    """Check a nested table and fill in the defaults."""
     try:
         return RunConfig.model_validate(table)
     except ValidationError as error:
@@ -145,15 +137,7 @@ def keys_of_code() -> Iterator[str]:
 
 
 def check_modules(in_file: Mapping[str, Any], chosen: Mapping[str, Any], file: Path) -> None:
-    """Refuse code that only a file names.
-
-    Args:
-        in_file: The file's content.
-        chosen: What the user's options and settings say, without the file.
-
-    Raises:
-        InputError: It would be imported.
-    """
+    """Refuse code that only a file's content names, and not what the user chose by options and settings."""
     named, given = dict(leaves(in_file)), dict(leaves(chosen))
     for key in keys_of_code():
         name = named.get(key)

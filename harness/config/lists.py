@@ -37,11 +37,7 @@ def numbers(text: str, parameter: str, example: str) -> tuple[float, ...]:
 
 
 def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
-    """Return the names of a list with commas; those in square brackets belong to a name.
-
-    Raises:
-        InputError: The list is empty or holds a name twice.
-    """
+    """Return the names of a list with commas; those in square brackets belong to a name."""
     words = [word.strip() for word in re.split(r",(?![^\[]*\])", text)]
     with _told(parameter, text, example):
         if not all(words) or len(set(words)) < len(words):
@@ -50,11 +46,7 @@ def names(text: str, parameter: str, example: str) -> tuple[str, ...]:
 
 
 def seed_values(text: str) -> range:
-    """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded.
-
-    Raises:
-        InputError: It is neither.
-    """
+    """Return the seeds of a number of them, from 0, or of a range ``A:B``, B excluded."""
     first, end = text.split(":", 1) if ":" in text else ("0", text)
     with _told("seeds", text, "10"):
         if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):

@@ -306,25 +306,21 @@ def _is_a(value: object, kind: Any) -> bool:  # noqa: ANN401  a class or several
     return isinstance(value, kind) and not (kind is Sequence and isinstance(value, str | bytes))
 
 
-def setting_words(settings: Sequence[str] | Mapping[str, object] | None, parameter: str = "settings") -> list[str]:
-    """Return settings as ``KEY=VALUE`` words, whose values are written as in TOML.
-
-    Raises:
-        InputError: A key is no text, or TOML has no such value.
-    """
+def setting_words(settings: Sequence[str] | Mapping[str, object] | None) -> list[str]:
+    """Return settings as ``KEY=VALUE`` words, whose values are written as in TOML."""
     if not isinstance(settings, Mapping):
         for word in settings or ():
             if not isinstance(word, str):
-                raise InputError(f"`{parameter}`: {shown(word)} is not of the form KEY=VALUE")
+                raise InputError(f"`settings`: {shown(word)} is not of the form KEY=VALUE")
         return list(settings or ())
     words: list[str] = []
     for key, value in settings.items():
         if not isinstance(key, str):
-            raise InputError(f"`{parameter}`: {shown(key)} is not the key of a setting, for example 'sensor.range_m'")
+            raise InputError(f"`settings`: {shown(key)} is not the key of a setting, for example 'sensor.range_m'")
         if isinstance(value, Mapping):
-            words += setting_words({f"{key}.{name}": inner for name, inner in value.items()}, parameter)
+            words += setting_words({f"{key}.{name}": inner for name, inner in value.items()})
         else:
-            words.append(f"{key}={_as_toml(key, value, parameter)}")
+            words.append(f"{key}={_as_toml(key, value)}")
     return words
 
 
@@ -333,9 +329,9 @@ def setting_of(key: str, value: object) -> list[str]:
     return [] if value is None else setting_words({key: value})
 
 
-def _as_toml(key: str, value: object, parameter: str) -> str:
+def _as_toml(key: str, value: object) -> str:
     plain = value.tolist() if hasattr(value, "tolist") else value
     try:
         return tomli_w.dumps({"value": str(plain) if isinstance(plain, PurePath) else plain})[8:].strip()
     except TypeError:
-        raise InputError(f"`{parameter}`: {key} can't be set to {shown(value)}; give a number, text or list") from None
+        raise InputError(f"`settings`: {key} can't be set to {shown(value)}; give a number, text or list") from None

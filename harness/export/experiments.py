@@ -50,11 +50,7 @@ class LoggedRun:
 
 
 def logged_runs(folder: Path) -> list[LoggedRun]:
-    """Return the runs of a folder: of a grid each row, with its error as a tag if it failed; else the run itself.
-
-    Raises:
-        InputError: It is neither a grid's folder nor that of a finished run.
-    """
+    """Return the runs of a folder: of a grid each row, with its error as a tag if it failed; else the run itself."""
     if not (folder / RUNS).is_file():
         runfolder.read_manifest(folder, "folder")
         flat = flattened(runfolder.read_metrics(folder, "folder"))

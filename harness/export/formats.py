@@ -199,14 +199,7 @@ def _packed(file: Path) -> Path:
 
 
 def check_replaceable_file(path: Path, element: str, force: bool) -> None:
-    """Refuse to replace a file without ``--force``, or one that is not such an export.
-
-    Args:
-        element: The XML element that it begins with if it is such an export.
-
-    Raises:
-        InputError: The file must not be replaced.
-    """
+    """Refuse to replace a file without ``--force``, or one that does not begin with an export's XML element."""
     if not path.exists():
         return
     if not force:

@@ -23,14 +23,7 @@ MOST_AT_ONCE = 100
 
 
 def export(results: Path, folder: Path) -> list[Path]:
-    """Log the runs of a folder in an experiment of its name, and write ``logged.json``.
-
-    Args:
-        results: Folder of a finished run or of a grid.
-
-    Returns:
-        The files: ``logged.json``, and those of the store if it is there.
-    """
+    """Log a run or a grid in an experiment of its folder's name; return ``logged.json`` and the store's files."""
     name, runs, page = results.resolve().name, logged_runs(results), results / PAGE
     if address := os.environ.get(ADDRESS):
         try:

@@ -27,11 +27,7 @@ MEND = "the rows that had arrived are kept: start the scheduler again, then the 
 
 
 def connect(address: str) -> Client:
-    """Return a connection to a cluster's scheduler.
-
-    Raises:
-        InputError: Dask is not installed, or no scheduler answers.
-    """
+    """Return a connection to a cluster's scheduler."""
     try:
         distributed: Any = import_module("distributed")
     except ImportError:
@@ -49,13 +45,9 @@ def connect(address: str) -> Client:
 
 
 def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float | None, on_row: OnRow) -> None:
-    """Run all cells on the cluster's workers, a cell a task.
+    """Run all cells on the cluster's workers, a cell a task; ``harness.grid.pool.run_cells`` tells of the arguments.
 
     A cell whose worker disappears is given to another one; its runs are made again.
-
-    Args:
-        timeout_s: Longest time for the traffic of a cell, and for the steps of a run; None for no limit.
-        on_row: Called with the key and row of every run once.
     """
     distributed: Any = import_module("distributed")
     tasks: dict[Future, Cell] = {

@@ -32,12 +32,7 @@ Outcome = TypeVar("Outcome")
 
 @dataclass(frozen=True)
 class Telling:
-    """How the user is told of what goes on: lines that should be read, and what was read of each recording.
-
-    Attributes:
-        warn: Called with a line that should be read.
-        tell: Called with what was read of each file of recorded traffic.
-    """
+    """How the user is told: ``warn`` takes what should be read, ``tell`` what a file of recorded traffic holds."""
 
     quiet: bool = True
     warn: Callable[[str], object] = str

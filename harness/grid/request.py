@@ -17,11 +17,7 @@ from harness.truth.recorded.fcd import declares_types
 
 
 def request_of(options: Mapping[str, Any]) -> GridRequest:
-    """Return the grid that checked options describe.
-
-    Raises:
-        InputError: A list is not one that a grid can be made of.
-    """
+    """Return the grid that checked options describe."""
     files = _files_of(options["replay"])
     net = options["net"]
     nets = _listed(options["nets"])

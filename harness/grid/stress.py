@@ -58,19 +58,11 @@ def run_stress(
     user: Telling | None = None,
     command: str = "",
 ) -> FinishedGrid:
-    """Run a grid and write its folder.
+    """Run a grid and write its folder; ``harness.grid.making.make_rows`` tells of the other arguments and of errors.
 
     Args:
         execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.
-        resume: Whether runs that the folder already holds are kept.
-        retry_failed: Whether those of them that failed are made again.
-        user: How the user is told of what goes on; None for not at all.
         command: What the user typed, for the manifest.
-
-    Raises:
-        InputError: The grid or the folder is wrong; no run was made.
-        RunInterruptedError: The user stopped it; finished runs are kept.
-        RunError: The disk is full, the cluster is lost or the like; finished runs are kept.
     """
     user = user or Telling()
     grid = plan_grid(request)
@@ -87,11 +79,7 @@ def run_stress(
 
 
 def check_grid(grid: GridPlan, tell: Callable[[str], object]) -> None:
-    """Find a wrong network, recording, sensor or tracker before any run is made; report what recordings hold.
-
-    Raises:
-        InputError: Something is wrong.
-    """
+    """Find a wrong network, recording, sensor or tracker before any run is made; report what recordings hold."""
     if grid.is_replay:
         _check_sensors_and_trackers(grid)
         # Every file is read once, so that a broken one is reported before hours of runs over the others.

@@ -83,9 +83,6 @@ def chosen_worlds(asked: str | None, sensor: SensorSettings, *, of_finished: boo
 
     Args:
         asked: Names with commas between, or ``all``; None for the usual ones, of finished runs all.
-
-    Raises:
-        InputError: There is no such world, or finished runs can not show it.
     """
     every = worlds(sensor, of_finished=of_finished)
     if asked == ALL or (asked is None and of_finished):

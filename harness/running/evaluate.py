@@ -72,8 +72,7 @@ class Evaluated:
             "timing": timing_table(self.times, self.step_s, total_s, stages_ms),
             "traffic": self.traffic,
         }
-        plain: dict[str, Any] = without_nan(tables)
-        return plain
+        return dict(without_nan(tables))
 
 
 @dataclass
@@ -115,12 +114,7 @@ class Evaluation:
         return self._recorder.steps
 
     def follow(self, watchers: Sequence[Watch] = (), stream: np.random.SeedSequence | None = None) -> None:
-        """Follow the snapshots to their end.
-
-        Args:
-            watchers: Called after every step.
-            stream: Parent of the trackers' streams; None takes that of the root seed.
-        """
+        """Follow the snapshots to their end; ``stream`` is the parent of the trackers' ones, None that of the seed."""
         stream = RandomStreams.from_seed(self.seed).tracker if stream is None else stream
         self._keep_room()
         watchers = (*watchers, *(keeper.watch for keeper in self.keepers.values()), self._keep_room)
@@ -187,10 +181,6 @@ def evaluation_of(
 
     Args:
         keepers: What is kept beside what every run keeps, by the file of its table.
-        writer: Writes each stretch; None keeps the run in memory.
-
-    Raises:
-        InputError: Together with the data sheet the beliefs make no sense.
     """
     told = as_believed(snapshots, config)
     return Evaluation(

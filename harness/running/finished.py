@@ -117,10 +117,8 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     manifest = runfolder.read_manifest(folder, parameter)
     config = config_from_table(runfolder.read_config_table(folder, parameter))
     check_sensor_of_folder(config.sensor, folder, parameter)
-
-    last_step = None
+    file, last_step = folder / runfolder.TRUTH, None
     if most_rows is not None:
-        file = folder / runfolder.TRUTH
         check_file(file, parameter)
         last_step = isolated(partial(_last_step, file, most_rows), f"`{parameter}`: {file}")
 
@@ -135,7 +133,7 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
     # Both or none: a run that was made before drivers were asked has neither.
     asked = has(runfolder.BRAKINGS, runfolder.COMMANDS)
     road, truth = read_road(folder / runfolder.ROAD, parameter), table(runfolder.TRUTH)
-    check_truth(truth, road, f"`{parameter}`: {folder / runfolder.TRUTH}")
+    check_truth(truth, road, f"`{parameter}`: {file}")
     return RecordedRun(
         folder=folder,
         config=config,

@@ -28,9 +28,6 @@ def nuscenes_scores(truth: Path, tracks: Path, poses: pd.DataFrame | None, step_
         poses: The ego's, with ``sample_token``, ``episode``, ``time_s``, ``lon_m`` and ``lat_m``: boxes beyond their
             class's range are left out. None leaves none out, and takes the samples for one scene in their order.
         step_s: Time between samples without poses.
-
-    Raises:
-        InputError: A file is broken.
     """
     (tokens, real), (_, found) = (
         isolated(partial(_boxes, path), f"`{role}`: {path} (nuscenes)", ProcessLimits.for_files([path]))

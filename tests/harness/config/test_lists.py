@@ -10,15 +10,8 @@ from harness.common.errors import InputError
 from harness.config.lists import names, numbers, seed_values
 
 
-def test_a_range_includes_both_ends():
-    assert numbers("5:65:10", "densities", "") == (5, 15, 25, 35, 45, 55, 65)
-
-
-def test_a_range_stops_below_an_end_that_no_step_reaches():
+def test_a_range_stops_below_an_end_that_no_step_reaches_and_has_no_binary_crumbs():
     assert numbers("0:1:0.4", "vary", "") == (0.0, 0.4, 0.8)
-
-
-def test_decimal_steps_leave_no_binary_crumbs():
     assert numbers("0:0.3:0.1", "vary", "") == (0.0, 0.1, 0.2, 0.3)
 
 
@@ -36,16 +29,10 @@ def test_a_wrong_list_of_numbers_is_answered_with_a_right_one(text):
         numbers(text, "densities", "5:65:10")
 
 
-def test_names_are_separated_by_commas():
+def test_names_are_separated_by_commas_but_for_those_within_square_brackets():
     assert names("gmm, cvm", "models", "gmm,cvm") == ("gmm", "cvm")
-
-
-def test_commas_within_square_brackets_belong_to_a_name():
-    assert names("mmpf,mmpf+levels=[0,1]+x=[2,3],pmbm", "trackers", "mmpf") == (
-        "mmpf",
-        "mmpf+levels=[0,1]+x=[2,3]",
-        "pmbm",
-    )
+    words = ("mmpf", "mmpf+levels=[0,1]+x=[2,3]", "pmbm")
+    assert names(",".join(words), "trackers", "mmpf") == words
 
 
 @pytest.mark.parametrize("text", ["", "gmm,", "gmm,gmm"])
