@@ -2,13 +2,13 @@
 A first run
 ===========
 
-Five seconds of dense traffic on the US-101 section: SUMO drives, the lidar of one car sees what the other cars do not
-hide, and the Modified Mixture Particle Filter follows what it is shown.
+Five seconds of dense traffic on the US-101 section: SUMO simulates the cars, the lidar of one car detects what the
+other cars do not hide, and the Modified Mixture Particle Filter tracks the detections.
 """
 
 # %%
-# One call does all of it. The density is in vehicles per kilometre and lane; equal arguments give equal results, and
-# ``seed`` is the root of all randomness.
+# One call does all of it. The density is in vehicles per kilometre and lane. All random numbers follow from ``seed``,
+# so equal arguments give equal results.
 
 import tempfile
 from pathlib import Path
@@ -22,10 +22,10 @@ folder = Path(tempfile.mkdtemp())
 run = harness.run(net="us101", density=45, seed=3, duration=5.0, tracker="mmpf", model="gmm", out=folder / "first")
 
 # %%
-# ``run.metrics`` has every number of ``metrics.json`` under a dotted name. HOTA says how well vehicles *in sight* are
-# told apart and followed, 100 % being perfect; the errors are mean absolute errors along the road, in metres, by how
-# much of the vehicle the sensor could see. A hidden vehicle is judged by the track that held it when it was last seen.
-# What each name means: :doc:`/explanation/scores`.
+# ``run.metrics`` has every number of ``metrics.json`` under a dotted name. HOTA rates detection and association of
+# vehicles *in sight*; 100 % is perfect. The errors are mean absolute errors along the road, in metres, by how much of
+# the vehicle the sensor sees. The error of a hidden vehicle is that of the track that was matched to it when it was
+# last detected. :doc:`/explanation/scores` explains each name.
 
 names = ["mot.hota", "mot.id_switches", "mae.visible.lon_m", "mae.partial.lon_m", "mae.hidden.lon_m"]
 run.metrics.loc[names]
@@ -33,9 +33,9 @@ run.metrics.loc[names]
 # %%
 # The tables of the run folder come as data frames: ``run.truth``, ``run.detections``, ``run.tracks`` and
 # ``run.errors``. Here is the last moment from above, in SI units. Green vehicles are in plain view, orange ones partly
-# hidden, red outlines hidden; the ego, which carries the sensor, is black. Each dashed ellipse is where the filter
-# believes a vehicle to be, with 95 % probability: small around what it sees, longer around what it only remembers. An
-# outline without an ellipse was never seen, or is lost.
+# hidden, red outlines hidden; the ego, which carries the sensor, is black. According to the filter, a
+# vehicle is within its dashed ellipse with 95 % probability. Ellipses of hidden vehicles are longer. An outline without
+# an ellipse is a vehicle that was never detected, or whose track has ended.
 
 step = run.truth["step"].max()
 vehicles = run.truth[(run.truth["step"] == step) & (run.truth["in_range"] | run.truth["is_ego"])]
@@ -58,6 +58,6 @@ axes.set_title(f"{len(tracks)} tracks around the ego at the end of the run", loc
 plt.show()
 
 # %%
-# The folder also holds a page to open in a browser, with the same picture for every moment.
+# The folder also has a page to open in a browser, which replays the run.
 
 print(run.report().name, "beside", ", ".join(sorted(path.name for path in run.folder.glob("*.parquet"))))

@@ -2,16 +2,15 @@
 A road of your own
 ==================
 
-Any SUMO network can take the place of US-101: a ``.sumocfg`` with its own demand, or a folder with a
-``network.toml``, for which the harness holds whatever density it is asked for. This example writes such a folder, for
-a straight road of three lanes.
+Any SUMO network can replace US-101: a ``.sumocfg`` with its own demand, or a folder with a ``network.toml``, for which
+the harness keeps any density. This example writes such a folder, for a straight road of three lanes.
 """
 
 # %%
-# The road has three parts. Vehicles enter on ``approach``, are tracked on ``section``, and leave by ``outflow``; the
-# first and the last are there so that traffic can be held at a density in between. Large networks are better made by
-# SUMO's netconvert or netedit; the file of a straight road is short enough to be written by hand: each edge with the
-# middle line of its lanes, a junction between edges, and which lane leads to which.
+# The road has three parts. Vehicles enter on ``approach``, are tracked on ``section``, and leave by ``outflow``. The
+# harness needs the first and the last to keep the density in between. Make large networks with SUMO's netconvert or
+# netedit. The file of a straight road is short: each edge with the centre lines of its lanes, a junction between edges,
+# and which lane leads to which.
 
 import tempfile
 from pathlib import Path
@@ -105,8 +104,8 @@ run = harness.run(net=road, density=40, seed=2, duration=8.0, tracker="mmpf", mo
 run.metrics.loc[["traffic.density_veh_per_km_lane", "mot.hota", "mot.id_switches"]]
 
 # %%
-# Each line below is one vehicle on its way along the scored section, coloured by its speed; the black line is the
-# ego's. Where lines run flat the traffic is slow.
+# Each line below is one vehicle on the scored section, coloured by its speed; the black line is the ego's. Where lines
+# are flat, the traffic is slow.
 
 truth = run.truth[run.truth["lon_m"].between(0.0, 500.0)]
 figure, axes = plt.subplots(figsize=(9, 4), layout="constrained")

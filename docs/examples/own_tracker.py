@@ -97,9 +97,9 @@ names = ["mot.hota", "mot.id_switches", "mot.missed"]
 pd.DataFrame({name: run.metrics.loc[names, "value"] for name, run in runs.items()})
 
 # %%
-# Left, how far off each tracker was, by how much of the vehicle the sensor saw; right, how often it had no track for
-# it. The two belong together: a vehicle without a track has no error, so a tracker that gives up early looks accurate.
-# The nearest-neighbour tracker goes on at the speed that it last believed in, and forgets a vehicle after 1.5 s unseen.
+# Left, the error of each tracker, by how much of the vehicle the sensor saw; right, how often it had no track. Read
+# both: a vehicle without a track has no error, so a tracker that ends tracks early looks accurate. The
+# nearest-neighbour tracker predicts at the last speed, and ends a track after 1.5 s without a detection.
 
 states = ["visible", "partial", "hidden"]
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
@@ -119,4 +119,4 @@ left.legend(frameon=False)
 plt.show()
 
 # %%
-# What a tracker has to promise, and a set of checks for it: :doc:`/how-to/tracker`.
+# :doc:`/how-to/tracker` lists the requirements on a tracker, and checks for them.
