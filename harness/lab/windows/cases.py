@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.changing import LaneChanges
 from harness.lab.windows.neighbours import NeighbourStates
 from mmpf.motion.protocol import Neighbour, Surroundings
-from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
+from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
 from mmpf.numerics.arrays import FloatArray, taken
 
 LookAround = Callable[[FloatArray, int, bool], Surroundings]
@@ -51,9 +51,12 @@ def following_cases(windows: CarFollowing, count: int, rng: np.random.Generator,
 
 
 def cases_of(windows: CarFollowing) -> Cases:
-    """Return every window as a case."""
-    states = [_states_at(windows, step) for step in range(windows.lon_m.shape[1])]
-    return Cases(np.stack(states), partial(_behind_leaders, windows))
+    """Return every window as a case, lateral from the middle of the lane."""
+    truth = np.zeros((windows.lon_m.shape[1], STATE_SIZE, len(windows)))
+    truth[:, LON], truth[:, LAT] = windows.lon_m.T, windows.offset_m.T
+    truth[:, SPEED], truth[:, LAT_SPEED] = windows.speed_mps.T, windows.lat_speed_mps.T
+    truth[:, ACCEL] = windows.accel_mps2.T
+    return Cases(truth, partial(_behind_leaders, windows))
 
 
 def lane_change_cases(changes: LaneChanges, count: int, rng: np.random.Generator) -> Cases:
@@ -72,20 +75,33 @@ def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden:
     target_leader = _neighbour(changes.target_leader, state, step, own_length, 1.0)
     nobody = _nobody(state, own_length)
     centre = np.where(crossed, width, 0.0)
-    return Surroundings(
-        length_m=own_length,
-        lane_right_m=centre - 0.5 * width,
-        lane_left_m=centre + 0.5 * width,
+    return replace(
+        _alone(state, own_length, centre - 0.5 * width, centre + 0.5 * width, hidden),
         has_left_lane=~crossed,
         has_right_lane=crossed,
         leader=_where(crossed, target_leader, leader),
         left_leader=_where(crossed, nobody, target_leader),
         left_follower=_where(crossed, nobody, follower),
         right_leader=_where(crossed, leader, nobody),
-        right_follower=nobody,
-        is_hidden=np.full(len(crossed), hidden),
-        road_speed_mps=np.full(len(crossed), np.inf),
     )
+
+
+def _behind_leaders(windows: CarFollowing, state: FloatArray, step: int, hidden: bool) -> Surroundings:
+    """Return what particles know behind the true leaders of a step, the particles of each window side by side."""
+    particles = state.shape[1] // len(windows)
+    own_length, half_width = np.repeat(windows.length_m, particles), 0.5 * np.repeat(windows.lane_width_m, particles)
+    leader = _neighbour(windows.leader, state, step, own_length, 1.0)
+    return replace(_alone(state, own_length, -half_width, half_width, hidden), leader=leader)
+
+
+def _alone(
+    state: FloatArray, own_length: FloatArray, right_m: FloatArray, left_m: FloatArray, hidden: bool
+) -> Surroundings:
+    """Return what particles know on a road of one lane, of which its lines are given, without anybody else."""
+    nobody, no_lane = _nobody(state, own_length), np.zeros(state.shape[1], dtype=np.bool_)
+    neighbours = nobody, nobody, nobody, nobody, nobody
+    is_hidden, road_speed_mps = np.full(len(no_lane), hidden), np.full(len(no_lane), np.inf)
+    return Surroundings(own_length, right_m, left_m, no_lane, no_lane, *neighbours, is_hidden, road_speed_mps)
 
 
 def _neighbour(
@@ -109,33 +125,3 @@ def _nobody(state: FloatArray, own_length: FloatArray) -> Neighbour:
 def _where(condition: npt.NDArray[np.bool_], yes: Neighbour, no: Neighbour) -> Neighbour:
     columns = (column.name for column in fields(Neighbour))
     return Neighbour(*(np.where(condition, getattr(yes, name), getattr(no, name)) for name in columns))
-
-
-def _states_at(windows: CarFollowing, step: int) -> FloatArray:
-    """Return the true states at a step, shape (6, windows): lateral from the lane's middle, its acceleration zero."""
-    state = np.empty((STATE_SIZE, len(windows)))
-    state[LON], state[LAT] = windows.lon_m[:, step], windows.offset_m[:, step]
-    state[SPEED], state[LAT_SPEED] = windows.speed_mps[:, step], windows.lat_speed_mps[:, step]
-    state[ACCEL], state[LAT_ACCEL] = windows.accel_mps2[:, step], 0.0
-    return state
-
-
-def _behind_leaders(windows: CarFollowing, state: FloatArray, step: int, hidden: bool) -> Surroundings:
-    """Return what particles know behind the true leaders of a step, the particles of each window side by side."""
-    particles = state.shape[1] // len(windows)
-    own_length, half_width = np.repeat(windows.length_m, particles), 0.5 * np.repeat(windows.lane_width_m, particles)
-    nobody, no_lane = _nobody(state, own_length), np.zeros(state.shape[1], dtype=np.bool_)
-    return Surroundings(
-        length_m=own_length,
-        lane_right_m=-half_width,
-        lane_left_m=half_width,
-        has_left_lane=no_lane,
-        has_right_lane=no_lane,
-        leader=_neighbour(windows.leader, state, step, own_length, 1.0),
-        left_leader=nobody,
-        left_follower=nobody,
-        right_leader=nobody,
-        right_follower=nobody,
-        is_hidden=np.full(len(no_lane), hidden),
-        road_speed_mps=np.full(len(no_lane), np.inf),
-    )
