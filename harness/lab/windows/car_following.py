@@ -9,15 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from harness.lab.windows.neighbours import (
-    NOBODY,
-    NeighbourStates,
-    clear_gap_m,
-    lane_lines,
-    order_by_lane,
-    others_at,
-    row_ahead,
-)
+from harness.lab.windows.neighbours import NOBODY, NeighbourStates, clear_gap_m, lane_lines, others_at, row_ahead
 from harness.lab.windows.recording import Recording, joined_apart, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -92,31 +84,42 @@ def following_windows(recording: Recording, road: Road, steps: int) -> CarFollow
     than 100 m ahead counts as none, and windows in which one comes or goes are left out.
     """
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
-    leader = _leader_rows(recording)[by_vehicle]
     step, vehicle, lane = (column[by_vehicle] for column in (recording.step, recording.vehicle, recording.lane))
+    ahead = row_ahead(recording, step, lane, recording.lon_m[by_vehicle])
+    gap = clear_gap_m(recording, by_vehicle, ahead)
+    gap = np.where(gap < FURTHEST_LEADER_M, gap, np.inf)
+    leader = np.where(np.isfinite(gap), ahead, NOBODY)
     leader_vehicle = np.where(leader == NOBODY, NOBODY, recording.vehicle[leader])
     changes, around = ~_unchanged(lane) & _unchanged(vehicle), 2 * round(LANE_CHANGE_MARGIN_S / STEP_S) + 1
     settled = ~maximum_filter1d(changes, around, mode="constant", cval=False) & (lane != NO_LANE)
     same_as_before = (
         _unchanged(vehicle) & _unchanged(leader_vehicle) & _unchanged(lane) & (np.diff(step, prepend=-9) == 1)
     )
-    start = _window_starts(settled, same_as_before, steps)
-    rows = start[:, None] + np.arange(steps)
-    gap = clear_gap_m(recording, by_vehicle, leader)
     nearer = np.concatenate([[False], gap[1:] < gap[:-1] - CUT_IN_LEAST_M])
     new_leader = ~_unchanged(leader_vehicle) & _unchanged(vehicle) & _unchanged(lane) & nearer
-    return _gather(recording, road, by_vehicle[rows], leader[rows], new_leader[start])
+    start = _window_starts(settled, same_as_before, steps)
+    own, leaders = (rows[start[:, None] + np.arange(steps)] for rows in (by_vehicle, leader))
+    lines, others = lane_lines(road, lane[start]), others_at(recording, leaders)
+    return CarFollowing(
+        lon_m=recording.lon_m[own],
+        offset_m=recording.lat_m[own] - lines.mean(axis=1)[:, None],
+        speed_mps=recording.speed_mps[own],
+        lat_speed_mps=recording.lat_speed_mps[own],
+        accel_mps2=recording.accel_mps2[own],
+        length_m=recording.length_m[own[:, 0]],
+        lane_width_m=lines[:, 1] - lines[:, 0],
+        leader_lon_m=others.lon_m,
+        leader_speed_mps=others.speed_mps,
+        leader_accel_mps2=others.accel_mps2,
+        leader_length_m=others.length_m[:, 0],
+        vehicle=vehicle[start],
+        after_cut_in=new_leader[start],
+    )
 
 
 def load_following(paths: Sequence[Path], road: Road) -> CarFollowing:
     """Cut recordings that lie in files into windows of 10 s."""
     return joined_apart([following_windows(recording, road, STEPS) for recording in load_all(paths)], "vehicle")
-
-
-def _leader_rows(recording: Recording) -> IntArray:
-    ahead = row_ahead(order_by_lane(recording), recording.step, recording.lane, recording.lon_m)
-    near = clear_gap_m(recording, np.arange(len(recording)), ahead) < FURTHEST_LEADER_M
-    return np.where(near, ahead, NOBODY)
 
 
 def _unchanged(column: IntArray) -> BoolArray:
@@ -130,23 +133,3 @@ def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) ->
     windows = np.where(settled[run_start], run_length // steps, 0)
     offset = np.arange(windows.sum()) - np.repeat(np.cumsum(windows) - windows, windows)
     return np.asarray(np.repeat(run_start, windows) + offset * steps)
-
-
-def _gather(recording: Recording, road: Road, own: IntArray, leader: IntArray, after_cut_in: BoolArray) -> CarFollowing:
-    lines = lane_lines(road, recording.lane[own[:, 0]])
-    leaders = others_at(recording, leader)
-    return CarFollowing(
-        lon_m=recording.lon_m[own],
-        offset_m=recording.lat_m[own] - lines.mean(axis=1)[:, None],
-        speed_mps=recording.speed_mps[own],
-        lat_speed_mps=recording.lat_speed_mps[own],
-        accel_mps2=recording.accel_mps2[own],
-        length_m=recording.length_m[own[:, 0]],
-        lane_width_m=lines[:, 1] - lines[:, 0],
-        leader_lon_m=leaders.lon_m,
-        leader_speed_mps=leaders.speed_mps,
-        leader_accel_mps2=leaders.accel_mps2,
-        leader_length_m=leaders.length_m[:, 0],
-        vehicle=recording.vehicle[own[:, 0]],
-        after_cut_in=after_cut_in,
-    )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.lab.windows.neighbours import NeighbourStates, lane_lines, order_by_lane, others_at, row_ahead, row_behind
+from harness.lab.windows.neighbours import NeighbourStates, lane_lines, others_at, row_ahead, row_behind
 from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -54,16 +54,15 @@ def lane_change_windows(recording: Recording, road: Road) -> LaneChanges:
     known = np.isfinite(first_m) & np.isfinite(second_m)
     rows, original, target, first_m, second_m = (each[known] for each in (rows, original, target, first_m, second_m))
     direction = np.sign(second_m - first_m)
-    ordering = order_by_lane(recording)
     step, lon = recording.step[rows], recording.lon_m[rows]
     on_original, on_target = original[:, None], target[:, None]
     return LaneChanges(
         states=_mirrored_states(recording, rows, direction, first_m).swapaxes(0, 1),
         length_m=recording.length_m[rows[:, 0]],
         lane_width_m=np.abs(second_m - first_m),
-        leader=others_at(recording, row_ahead(ordering, step, on_original, lon)),
-        follower=others_at(recording, row_behind(ordering, step, on_target, lon)),
-        target_leader=others_at(recording, row_ahead(ordering, step, on_target, lon)),
+        leader=others_at(recording, row_ahead(recording, step, on_original, lon)),
+        follower=others_at(recording, row_behind(recording, step, on_target, lon)),
+        target_leader=others_at(recording, row_ahead(recording, step, on_target, lon)),
     )
 
 

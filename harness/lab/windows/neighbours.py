@@ -17,14 +17,6 @@ _LONGEST_ROAD_M = 0.5 * _LANE_KEY
 
 
 @dataclass(frozen=True)
-class Ordering:
-    """Rows of a recording sorted by step, lane and position, for fast look-ups."""
-
-    key: FloatArray
-    row: IntArray
-
-
-@dataclass(frozen=True)
 class NeighbourStates:
     """One neighbour of each window's vehicle, arrays of shape (windows, steps); nan where there is none."""
 
@@ -34,21 +26,14 @@ class NeighbourStates:
     length_m: FloatArray
 
 
-def order_by_lane(recording: Recording) -> Ordering:
-    """Sort the recording's rows by step, lane and longitudinal position."""
-    key = _key(recording.step, recording.lane, recording.lon_m)
-    row = np.argsort(key, kind="stable")
-    return Ordering(key[row], row)
-
-
-def row_ahead(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
+def row_ahead(recording: Recording, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
     """Return the row of the nearest vehicle strictly ahead of each place, ``NOBODY`` where there is none."""
-    return _row_if_same_lane(ordering, np.searchsorted(ordering.key, _key(step, lane, lon_m), "right"), step, lane)
+    return _row_beside(recording, step, lane, lon_m, ahead=True)
 
 
-def row_behind(ordering: Ordering, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
+def row_behind(recording: Recording, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
     """Return the row of the nearest vehicle strictly behind each place, ``NOBODY`` where there is none."""
-    return _row_if_same_lane(ordering, np.searchsorted(ordering.key, _key(step, lane, lon_m)) - 1, step, lane)
+    return _row_beside(recording, step, lane, lon_m, ahead=False)
 
 
 def clear_gap_m(recording: Recording, behind: IntArray, ahead: IntArray) -> FloatArray:
@@ -74,10 +59,13 @@ def _key(step: IntArray, lane: IntArray, lon_m: FloatArray) -> FloatArray:
     return np.asarray(step * _STEP_KEY + lane * _LANE_KEY + lon_m + _LONGEST_ROAD_M * 0.5)
 
 
-def _row_if_same_lane(ordering: Ordering, place: IntArray, step: IntArray, lane: IntArray) -> IntArray:
-    within = (place >= 0) & (place < len(ordering.key))
-    inside = np.clip(place, 0, len(ordering.key) - 1)
+def _row_beside(recording: Recording, step: IntArray, lane: IntArray, lon_m: FloatArray, *, ahead: bool) -> IntArray:
+    keys = _key(recording.step, recording.lane, recording.lon_m)
+    row = np.argsort(keys, kind="stable")
+    place = np.searchsorted(keys, _key(step, lane, lon_m), "right" if ahead else "left", sorter=row)
+    if not ahead:
+        place = place - 1
+    row = row[np.clip(place, 0, len(row) - 1)]
     lane_start = step * _STEP_KEY + lane * _LANE_KEY
-    key = ordering.key[inside]
-    same_lane = (key >= lane_start) & (key < lane_start + _LANE_KEY)
-    return np.where(within & same_lane, ordering.row[inside], NOBODY)
+    same_lane = (keys[row] >= lane_start) & (keys[row] < lane_start + _LANE_KEY)
+    return np.where((place >= 0) & (place < len(keys)) & same_lane, row, NOBODY)

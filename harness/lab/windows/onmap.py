@@ -49,7 +49,10 @@ def on_map(recording: Recording, graph: LaneGraph) -> OnMap:
     order = order[recording.lane[order] > 0]
     lane, vehicle, step = recording.lane[order] - 1, recording.vehicle[order], recording.step[order]
     along, _, _ = graph.on_lane(lane, recording.lon_m[order], recording.lat_m[order])
-    stay, first = _stays(lane, vehicle)
+    # The number of each row's stay on one lane, and the first row of each stay.
+    begins = np.ones(len(lane), dtype=np.bool_)
+    begins[1:] = (lane[1:] != lane[:-1]) | (vehicle[1:] != vehicle[:-1])
+    stay, first = np.cumsum(begins) - 1, np.flatnonzero(begins)
     then = _taken_next(lane[first], vehicle[first], graph)
     after = np.where(then == NOWHERE, NOWHERE, then[np.minimum(np.arange(len(then)) + 1, len(then) - 1)])
     last = np.append(first[1:], len(lane)) - 1
@@ -67,13 +70,6 @@ def on_map(recording: Recording, graph: LaneGraph) -> OnMap:
         leaves_at_mps=speed[last[stay]],
         free=gap > HOLDS_WITHIN_M + HOLDS_WITHIN_S * speed,
     )
-
-
-def _stays(lane: IntArray, vehicle: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the number of each row's stay on one lane, (n,), and the first row of each stay, (s,)."""
-    begins = np.ones(len(lane), dtype=np.bool_)
-    begins[1:] = (lane[1:] != lane[:-1]) | (vehicle[1:] != vehicle[:-1])
-    return np.cumsum(begins) - 1, np.flatnonzero(begins)
 
 
 def _taken_next(lane: IntArray, vehicle: IntArray, graph: LaneGraph) -> IntArray:

@@ -5,7 +5,7 @@ import pytest
 
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_windows
-from harness.lab.windows.neighbours import NOBODY, clear_gap_m, order_by_lane, row_ahead, row_behind
+from harness.lab.windows.neighbours import NOBODY, clear_gap_m, row_ahead, row_behind
 from harness.lab.windows.recording import (
     Recording,
     joined_apart,
@@ -69,10 +69,9 @@ def test_the_vehicle_ahead_is_the_nearest_in_the_same_lane_at_the_same_step():
         accel_mps2=np.zeros(n),
         length_m=np.full(n, 5.0),
     )
-    ordering = order_by_lane(recording)
-    ahead = row_ahead(ordering, recording.step, recording.lane, recording.lon_m)
+    ahead = row_ahead(recording, recording.step, recording.lane, recording.lon_m)
     np.testing.assert_array_equal(ahead, [brute_force_ahead(recording, row) for row in range(n)])
-    behind = row_behind(ordering, recording.step, recording.lane, recording.lon_m)
+    behind = row_behind(recording, recording.step, recording.lane, recording.lon_m)
     led = np.flatnonzero(ahead != NOBODY)
     np.testing.assert_array_equal(behind[ahead[led]], led)
 
