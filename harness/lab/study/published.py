@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from harness.lab.study.study import COMPLETE, PARTIAL, StudyResult, run_study
 from harness.lab.windows.car_following import load_following
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
-from harness.lab.windows.filtering import MeasurementNoise
+from harness.lab.windows.filtering import NOISE
 from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, first_to_last, record_traffic
 from harness.trackers.mmpf import MODEL_LOADERS
 from harness.truth.network.network import Network
@@ -69,7 +69,7 @@ class StudyPlan:
             "cases": cases,
             "particles": self.particles,
             "seed": self.seed,
-            "measurement_noise_under_partial_occlusion": asdict(MeasurementNoise()),
+            "measurement_noise_under_partial_occlusion": dict(NOISE),
             "start": "true state",
             "traffic_around": "true (as in the paper)",
         }

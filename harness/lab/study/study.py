@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.common.bootstrap import independent_ci
 from harness.lab.windows.cases import Cases
-from harness.lab.windows.filtering import Cloud, MeasurementNoise, follow, measure
+from harness.lab.windows.filtering import Cloud, follow, measure
 from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, score
 from harness.truth.frame import STEP_S
 from mmpf.motion.protocol import MotionModel
@@ -64,15 +64,14 @@ def run_study(
         models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
         progress: Called after each model and occlusion.
     """
-    noise = MeasurementNoise()
-    measurements = measure(cases, noise, np.random.default_rng([seed, 1]))
+    measurements = measure(cases, np.random.default_rng([seed, 1]))
     shown = _most_eventful(cases)
     scores: dict[tuple[str, str], Scores] = {}
     examples: dict[tuple[str, str], FloatArray] = {}
     for occlusion, of_it in models.items():
-        seen = (measurements, noise) if occlusion == PARTIAL else (None, None)
+        seen = measurements if occlusion == PARTIAL else None
         for name, model in of_it.items():
-            clouds = follow(model, cases, particles, np.random.default_rng([seed, 2]), *seen)
+            clouds = follow(model, cases, particles, np.random.default_rng([seed, 2]), seen)
             kept: list[FloatArray] = []
             scores[occlusion, name] = score(_keeping_example(clouds, shown, kept), cases)
             examples[occlusion, name] = np.stack(kept)
@@ -90,11 +89,7 @@ def _rows(study: str, occlusion: str, model: str, scores: Scores) -> list[dict[s
 
 
 def score_row(scores: Scores, steps: int | slice, horizon_s: float | None) -> dict[str, Any]:
-    """Return the numbers of one horizon, or of the mean over several steps.
-
-    Args:
-        steps: Which steps, counted from the first one after the start.
-    """
+    """Return the numbers of one horizon, or of the mean over several steps, counted from the first after the start."""
     rng = np.random.default_rng(0)
 
     def by_case(values: FloatArray) -> FloatArray:

@@ -17,21 +17,11 @@ from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.joint import JointResampling
 
-MEASURED = (LON, LAT, SPEED)
+MEASURED = [LON, LAT, SPEED]
+NOISE = {"lon_m": 2.0, "lat_m": 0.6, "speed_mps": 2.0}
+"""Standard deviations of what is measured under partial occlusion; about ten times a lidar's in plain view."""
+STDS = np.array(list(NOISE.values()))[:, None]
 RESAMPLING = JointResampling()
-
-
-@dataclass(frozen=True)
-class MeasurementNoise:
-    """Standard deviations of the measurements under partial occlusion; about ten times a lidar's in plain view."""
-
-    lon_m: float = 2.0
-    lat_m: float = 0.6
-    speed_mps: float = 2.0
-
-    def as_column(self) -> FloatArray:
-        """Return the deviations in the order of ``MEASURED``, shape (3, 1)."""
-        return np.array([[self.lon_m], [self.lat_m], [self.speed_mps]])
 
 
 @dataclass(frozen=True)
@@ -48,10 +38,10 @@ class Cloud:
     weight: FloatArray
 
 
-def measure(cases: Cases, noise: MeasurementNoise, rng: np.random.Generator) -> FloatArray:
+def measure(cases: Cases, rng: np.random.Generator) -> FloatArray:
     """Draw the measurements of all steps, shape (steps, 3, m); the same ones are given to every model."""
-    true = cases.truth[:, list(MEASURED), :]
-    return np.asarray(true + noise.as_column() * rng.standard_normal(true.shape))
+    true = cases.truth[:, MEASURED]
+    return np.asarray(true + STDS * rng.standard_normal(true.shape))
 
 
 def follow(
@@ -60,12 +50,10 @@ def follow(
     particles: int,
     rng: np.random.Generator,
     measurements: FloatArray | None = None,
-    noise: MeasurementNoise | None = None,
 ) -> Iterator[Cloud]:
     """Yield the particles after every step, starting from the true initial state.
 
-    Args:
-        measurements: As from ``measure``; None for complete occlusion, in which nothing is measured after the start.
+    Without what ``measure`` drew, the occlusion is complete: nothing is measured after the start.
     """
     state = np.repeat(cases.truth[0], particles, axis=1)
     belief = _belief(state, model.draw_latents(state, rng), np.zeros(state.shape[1]), cases.count)
@@ -74,9 +62,9 @@ def follow(
         around = cases.surroundings(belief.cloud.state, step - 1, hidden)
         state, latents = model.propagate(belief.cloud.state, belief.cloud.latents, around, STEP_S, rng)
         log_weight = belief.cloud.log_weight.reshape(cases.count, particles)
-        if measurements is not None and noise is not None:
-            away = state[list(MEASURED)].reshape(3, cases.count, particles) - measurements[step][:, :, None]
-            log_weight = log_weight - 0.5 * ((away / noise.as_column()[:, :, None]) ** 2).sum(axis=0)
+        if measurements is not None:
+            away = state[MEASURED].reshape(3, cases.count, particles) - measurements[step][:, :, None]
+            log_weight = log_weight - 0.5 * ((away / STDS[:, :, None]) ** 2).sum(axis=0)
         weight = np.exp(log_weight - log_weight.max(axis=1, keepdims=True))
         weight /= weight.sum(axis=1, keepdims=True)
         yield Cloud(step, state.reshape(6, cases.count, particles), weight)

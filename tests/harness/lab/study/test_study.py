@@ -10,7 +10,7 @@ from harness.lab.study.study import COMPLETE, PARTIAL, run_study
 from harness.lab.study.study_text import as_json, as_markdown
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases
-from harness.lab.windows.filtering import MeasurementNoise, follow, measure
+from harness.lab.windows.filtering import follow, measure
 from harness.lab.windows.scores import score, weighted_crps
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.state import LON, SPEED
@@ -51,12 +51,9 @@ def test_without_measurements_particles_start_at_the_truth_and_spread(cases):
 
 
 def test_the_filter_agrees_with_the_kalman_filter_for_constant_velocity(cases):
-    noise = MeasurementNoise(2.0, 0.6, 2.0)
-    z = measure(cases, noise, np.random.default_rng(1))
+    z = measure(cases, np.random.default_rng(1))
     density = 0.5
-    clouds = list(
-        follow(kinematic("cvm", ProcessNoise(density, 0.1)), cases, 5_000, np.random.default_rng(2), z, noise)
-    )
+    clouds = list(follow(kinematic("cvm", ProcessNoise(density, 0.1)), cases, 5_000, np.random.default_rng(2), z))
     f = np.array([[1.0, STEP_S], [0.0, 1.0]])
     gain_of_noise = np.array([[STEP_S / 2], [1.0]])
     q = density**2 * STEP_S * gain_of_noise @ gain_of_noise.T
