@@ -39,15 +39,9 @@ SHOWN = {
 }
 LON_PANELS = ((LON, 0, "position against steady\nspeed, m"), (SPEED, 2, "speed, m/s"))
 LAT_PANELS = ((LAT, 1, "lateral position, m"), (LAT_SPEED, 3, "lateral speed, m/s"))
-ERROR_PANELS = {
-    "lane-keeping": (("lon_m", "longitudinal position, m"), ("speed_mps", "longitudinal speed, m/s")),
-    "lane-change": (
-        ("lon_m", "longitudinal position, m"),
-        ("speed_mps", "longitudinal speed, m/s"),
-        ("lat_m", "lateral position, m"),
-        ("lat_speed_mps", "lateral speed, m/s"),
-    ),
-}
+LON_ERRORS = (("lon_m", "longitudinal position, m"), ("speed_mps", "longitudinal speed, m/s"))
+LAT_ERRORS = (("lat_m", "lateral position, m"), ("lat_speed_mps", "lateral speed, m/s"))
+ERROR_PANELS = {"lane-keeping": LON_ERRORS, "lane-change": (*LON_ERRORS, *LAT_ERRORS)}
 DRAW_EVERY = 4
 ERRORS_EVERY = 5
 
@@ -71,13 +65,19 @@ def particles_figure(result: StudyResult, occlusion: str) -> Figure:
     figure = Figure(figsize=(2.5 * len(models) + 0.8, 2.2 * len(panels) + 0.7), layout="constrained")
     axes = np.atleast_2d(figure.subplots(len(panels), len(models), sharex=True, sharey="row", squeeze=False))
     for column, model in enumerate(models):
-        for row, panel in enumerate(panels):
-            _particles(axes[row, column], result, occlusion, model, panel)
         axes[0, column].set_title(model, fontsize=10)
         axes[-1, column].set_xlabel("time, s")
-    for row, (_, _, label) in enumerate(panels):
+    for row, (quantity, kept, label) in enumerate(panels):
+        reference = _reference(result, quantity)
+        true = result.example_truth[:, quantity] - reference
+        clouds = [result.examples[occlusion, model][:, kept] - reference[1:, None] for model in models]
+        for axis, cloud in zip(axes[row], clouds, strict=True):
+            _draw_particles(axis, cloud, true)
         axes[row, 0].set_ylabel(label)
-        _bound_by_truth_and_particles(axes[row, 0], result, occlusion, models, panels[row])
+        # The shared axis holds 96 % of each model's particles, so that one model's runaways don't flatten the rest.
+        low = min(true.min(), *(np.quantile(cloud, 0.02) for cloud in clouds))
+        high = max(true.max(), *(np.quantile(cloud, 0.98) for cloud in clouds))
+        axes[row, 0].set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
     figure.suptitle(f"{result.study}, {occlusion} occlusion, one case: particles (dots) and truth (line)", fontsize=10)
     return figure
 
@@ -95,29 +95,14 @@ def error_charts(result: StudyResult, occlusion: str) -> Charts:
     return Charts(tuple(charts), lines, f"Means of {cases} cases; 95 % intervals of {', '.join(SHOWN[result.study])}.")
 
 
-def _particles(axis: Axes, result: StudyResult, occlusion: str, model: str, panel: tuple[int, int, str]) -> None:
-    row, kept_row, _ = panel
-    truth, reference = result.example_truth, _reference(result, row)
-    time_s = np.arange(len(truth)) * STEP_S
-    values = result.examples[occlusion, model][:, kept_row]
+def _draw_particles(axis: Axes, cloud: FloatArray, true: FloatArray) -> None:
+    """Draw particles after each step, shape (steps - 1, shown), and the truth, shape (steps,)."""
+    time_s = np.arange(len(true)) * STEP_S
     shown = slice(DRAW_EVERY - 1, None, DRAW_EVERY)
-    times = np.repeat(time_s[1:][shown, None], values.shape[1], axis=1)
-    relative = values[shown] - reference[1:][shown, None]
-    axis.plot(times.ravel(), relative.ravel(), ".", color="#0072B2", markersize=1.5, alpha=0.35, rasterized=True)
-    axis.plot(time_s, truth[:, row] - reference, color="#D55E00", linewidth=1.6)
+    times = np.repeat(time_s[1:][shown, None], cloud.shape[1], axis=1)
+    axis.plot(times.ravel(), cloud[shown].ravel(), ".", color="#0072B2", markersize=1.5, alpha=0.35, rasterized=True)
+    axis.plot(time_s, true, color="#D55E00", linewidth=1.6)
     axis.spines[["top", "right"]].set_visible(False)
-
-
-def _bound_by_truth_and_particles(
-    axis: Axes, result: StudyResult, occlusion: str, models: list[str], panel: tuple[int, int, str]
-) -> None:
-    """Hold the shared axis to what 90 % of the particles reach, so that one model's runaways don't flatten the rest."""
-    row, kept_row, _ = panel
-    truth, reference = result.example_truth, _reference(result, row)
-    clouds = [result.examples[occlusion, model][:, kept_row] - reference[1:, None] for model in models]
-    low = min([np.quantile(cloud, 0.02) for cloud in clouds] + [(truth[:, row] - reference).min()])
-    high = max([np.quantile(cloud, 0.98) for cloud in clouds] + [(truth[:, row] - reference).max()])
-    axis.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
 
 
 def _reference(result: StudyResult, row: int) -> FloatArray:
