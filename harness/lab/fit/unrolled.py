@@ -44,6 +44,10 @@ DT = FITTED_STEP_S
 
 Array = npt.NDArray[np.floating]
 Weights = dict[str, Array]
+State = tuple[Array, Array, Array]
+"""Places, speeds and accelerations of all particles, or a score's slopes by them, each of shape (n,)."""
+WayBack = Callable[[Array, Array, Array, Weights], State]
+"""From the slopes by the state after a step to those by the one before; adds those by the weights to a gradient."""
 
 
 @dataclass(frozen=True)
@@ -157,29 +161,9 @@ def rollouts_of(windows: CarFollowing, chosen: IntArray, particles: int, rng: np
     )
 
 
-@dataclass(frozen=True)
-class _StepCache:
-    """What a step leaves for the way back: inputs, units, their slopes and those of IDM's acceleration."""
-
-    inputs: Array
-    within: npt.NDArray[np.bool_]
-    first: tuple[Array, Array]
-    second: tuple[Array, Array]
-    pull: Array
-    moves: npt.NDArray[np.bool_]
-    log_gap_per_m: Array
-    by_gap: Array
-    by_speed: Array
-
-
 def score_and_gradient(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[float, Weights]:
-    """Return the score of the particles and its gradient with respect to the weights.
-
-    Args:
-        weights: The network's weights by name, the lag as its logit.
-        scaling: A network of which the scaling is taken.
-    """
-    place, speed, tape = _roll(weights, scaling, rollouts)
+    """Return the score of the particles and its gradient with respect to the weights, of which the lag is a logit."""
+    place, speed, ways_back = _roll(weights, scaling, rollouts)
     steps = SCORED_STEPS[len(place) > SCORED_STEPS]
     by_place, by_speed = np.zeros_like(place), np.zeros_like(speed)
     score = 0.0
@@ -191,7 +175,12 @@ def score_and_gradient(weights: Weights, scaling: NetworkWeights, rollouts: Roll
         crps, crps_slope = crps_and_slope(values[steps], true[steps])
         score += float((some * crps).sum())
         slope[steps] = some * crps_slope
-    return score, _back(weights, scaling, tape, by_place, by_speed)
+    gradient: Weights = {name: np.zeros(w.shape) for name, w in weights.items()}
+    slopes = by_place[-1], by_speed[-1], np.zeros_like(by_place[-1])
+    for back, by_place_here, by_speed_here in zip(ways_back[::-1], by_place[-2::-1], by_speed[-2::-1], strict=True):
+        before = back(*slopes, gradient)
+        slopes = before[0] + by_place_here, before[1] + by_speed_here, before[2]
+    return score, gradient
 
 
 def crps_and_slope(particles: Array, true: Array) -> tuple[FloatArray, FloatArray]:
@@ -238,69 +227,64 @@ def _usual(gap: Array, speed: Array, leader_speed: Array, led: npt.NDArray[np.bo
     return np.clip(accel, low, high), counts * by_gap, counts * by_speed
 
 
-def _roll(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[Array, Array, list[_StepCache]]:
-    """Return places and speeds of all particles, shape (steps, n), and what the way back needs."""
-    lag = share_of(weights["lag"])[0]
-    speed, accel = rollouts.speed_mps, rollouts.accel_mps2
-    place, noise = np.zeros_like(speed), rollouts.noise[0]
-    places, speeds, tape = [place], [speed], []
-    led = rollouts.led
-    headway = log_headway(np.asarray(rollouts.leader_m[0], dtype=np.float64), np.asarray(speed, dtype=np.float64))
-    headway = np.where(led, headway, scaling.mean[-1])
-    low, high, mean, scale = (part[:, None] for part in scaling[:4])
+def _roll(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tuple[Array, Array, list[WayBack]]:
+    """Return places and speeds of all particles, shape (steps, n), and the way back of each step but the last."""
+    state = np.zeros_like(rollouts.speed_mps), rollouts.speed_mps, rollouts.accel_mps2
+    noise, states, ways_back = rollouts.noise[0], [state], []
+    headway = log_headway(np.asarray(rollouts.leader_m[0], dtype=np.float64), np.asarray(state[1], dtype=np.float64))
+    headway = np.where(rollouts.led, headway, scaling.mean[-1])
     lasts = np.exp(-DT / np.array(TIME_SCALES_S))[:, None]
     for step in range(len(rollouts.leader_m) - 1):
-        distance = np.where(led, rollouts.leader_m[step] - place, FURTHEST_LEADER_M)
-        gap, leader_speed = np.maximum(distance, SMALLEST_GAP_M), np.where(led, rollouts.leader_speed_mps[step], speed)
-        leader_accel = np.where(led, rollouts.leader_accel_mps2[step], 0.0)
-        seen = np.stack([np.log(gap), speed, accel, speed - leader_speed, leader_accel, headway])
-        inputs = np.concatenate([(np.clip(seen, low, high) - mean) / scale, noise]).astype(speed.dtype)
-        first = _softsign(weights["w1"].T @ inputs + weights["b1"][:, None])
-        second = _softsign(weights["w2"].T @ first[0] + weights["b2"][:, None])
-        usual, by_gap, by_speed = _usual(gap, speed, leader_speed, led)
-        pull = usual + weights["w3"] @ second[0] + weights["b3"][0] - accel
-        next_speed = speed + DT * (accel + lag * pull)
-        moves, near = next_speed > 0.0, (distance > SMALLEST_GAP_M) & led
-        within = (seen > low) & (seen < high)
-        within[3] &= led
-        tape.append(_StepCache(inputs, within, first, second, pull, moves, near / gap, near * by_gap, by_speed))
-        next_speed = np.where(moves, next_speed, 0.0).astype(speed.dtype)
-        accel = np.where(moves, accel + lag * pull, 0.0).astype(speed.dtype)
-        place = (place + 0.5 * DT * (speed + next_speed)).astype(speed.dtype)
-        speed = next_speed
-        places.append(place)
-        speeds.append(speed)
+        state, back = _stepped(weights, scaling, rollouts, step, state, headway, noise)
+        states.append(state)
+        ways_back.append(back)
         noise = lasts * noise + np.sqrt(1.0 - lasts**2) * rollouts.noise[step + 1]
-    return np.stack(places), np.stack(speeds), tape
+    places, speeds, _ = zip(*states, strict=True)
+    return np.stack(places), np.stack(speeds), ways_back
 
 
-def _back(
-    weights: Weights, scaling: NetworkWeights, tape: list[_StepCache], by_places: Array, by_speeds: Array
-) -> Weights:
-    """Return the gradient with respect to the weights, given the score's slopes by places and speeds, (steps, n)."""
-    lag = share_of(weights["lag"])[0]
-    gradient: Weights = {name: np.zeros(w.shape) for name, w in weights.items()}
-    by_place, by_speed, by_accel = by_places[-1], by_speeds[-1], np.zeros_like(by_places[-1])
-    states = SEEN - 2
-    for step in range(len(tape) - 1, -1, -1):
-        kept = tape[step]
-        by_next_speed = (by_speed + 0.5 * DT * by_place) * kept.moves
-        by_next_accel = by_accel * kept.moves + DT * by_next_speed
+def _stepped(
+    weights: Weights, scaling: NetworkWeights, rollouts: Rollouts, step: int, state: State, headway: Array, noise: Array
+) -> tuple[State, WayBack]:
+    """Return the particles after a step, and its way back."""
+    place, speed, accel = state
+    led, lag = rollouts.led, share_of(weights["lag"])[0]
+    low, high, mean, scale = (part[:, None] for part in scaling[:4])
+    distance = np.where(led, rollouts.leader_m[step] - place, FURTHEST_LEADER_M)
+    gap, leader_speed = np.maximum(distance, SMALLEST_GAP_M), np.where(led, rollouts.leader_speed_mps[step], speed)
+    leader_accel = np.where(led, rollouts.leader_accel_mps2[step], 0.0)
+    seen = np.stack([np.log(gap), speed, accel, speed - leader_speed, leader_accel, headway])
+    inputs = np.concatenate([(np.clip(seen, low, high) - mean) / scale, noise]).astype(speed.dtype)
+    first, first_slope = _softsign(weights["w1"].T @ inputs + weights["b1"][:, None])
+    second, second_slope = _softsign(weights["w2"].T @ first + weights["b2"][:, None])
+    usual, usual_by_gap, usual_by_speed = _usual(gap, speed, leader_speed, led)
+    pull = usual + weights["w3"] @ second + weights["b3"][0] - accel
+    next_speed = speed + DT * (accel + lag * pull)
+    moves = next_speed > 0.0
+    next_speed = np.where(moves, next_speed, 0.0).astype(speed.dtype)
+    next_accel = np.where(moves, accel + lag * pull, 0.0).astype(speed.dtype)
+    next_place = (place + 0.5 * DT * (speed + next_speed)).astype(speed.dtype)
+
+    def back(by_place: Array, by_speed: Array, by_accel: Array, gradient: Weights) -> State:
+        by_next_speed = (by_speed + 0.5 * DT * by_place) * moves
+        by_next_accel = by_accel * moves + DT * by_next_speed
         by_wanted = lag * by_next_accel
-        gradient["lag"] += np.sum(kept.pull * by_next_accel) * lag * (1.0 - lag)
+        gradient["lag"] += np.sum(pull * by_next_accel) * lag * (1.0 - lag)
         gradient["b3"] += by_wanted.sum()
-        gradient["w3"] += kept.second[0] @ by_wanted
-        by_second = weights["w3"][:, None] * by_wanted * kept.second[1]
-        gradient["w2"] += kept.first[0] @ by_second.T
+        gradient["w3"] += second @ by_wanted
+        by_second = weights["w3"][:, None] * by_wanted * second_slope
+        gradient["w2"] += first @ by_second.T
         gradient["b2"] += by_second.sum(axis=1)
-        by_first = (weights["w2"] @ by_second) * kept.first[1]
-        gradient["w1"] += kept.inputs @ by_first.T
+        by_first = (weights["w2"] @ by_second) * first_slope
+        gradient["w1"] += inputs @ by_first.T
         gradient["b1"] += by_first.sum(axis=1)
-        by_seen = (weights["w1"][:states] @ by_first) / scaling.scale[:states, None] * kept.within[:states]
-        by_gap = by_seen[0] * kept.log_gap_per_m + by_wanted * kept.by_gap
-        by_speed = (
-            0.5 * DT * by_place + by_next_speed + by_seen[1] + by_seen[3] + by_wanted * kept.by_speed + by_speeds[step]
-        )
-        by_place = by_place - by_gap + by_places[step]
-        by_accel = (1.0 - lag) * by_next_accel + by_seen[2]
-    return gradient
+        states = SEEN - 2
+        within = (seen[:states] > low[:states]) & (seen[:states] < high[:states])
+        within[3] &= led
+        by_seen = (weights["w1"][:states] @ by_first) / scale[:states] * within
+        near = (distance > SMALLEST_GAP_M) & led
+        by_gap = by_seen[0] * (near / gap) + by_wanted * (near * usual_by_gap)
+        by_speed = 0.5 * DT * by_place + by_next_speed + by_seen[1] + by_seen[3] + by_wanted * usual_by_speed
+        return by_place - by_gap, by_speed, (1.0 - lag) * by_next_accel + by_seen[2]
+
+    return (next_place, next_speed, next_accel), back
