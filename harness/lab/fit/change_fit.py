@@ -8,8 +8,6 @@ the same lateral acceleration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from harness.lab.windows.changing import LaneChanges
@@ -22,41 +20,27 @@ MISSING_GAP_SPREAD_M = 10.0
 MISSING_SPEED_SPREAD_MPS = 1.0
 LINE_SPREAD_M = 0.1
 LINE_COLUMNS = (9, 10)
-
-
-@dataclass(frozen=True)
-class LateralScatter:
-    """How far samples are moved off the recorded path, about as far as a filter's particles are apart.
-
-    Attributes:
-        share: Share of the samples that are moved.
-        log_size: Standard deviation of the logarithm of each sample's own factor to position and speed.
-    """
-
-    share: float = 0.7
-    lat_m: float = 0.15
-    lat_speed_mps: float = 0.15
-    lat_accel_mps2: float = 0.15
-    log_size: float = 0.5
-
-
-AS_RECORDED = LateralScatter(share=0.0)
-SCATTERED = LateralScatter()
+SCATTERED_SHARE = 0.7
+"""Share of the samples that are moved off the recorded path."""
+LAT_M, LAT_SPEED_MPS, LAT_ACCEL_MPS2 = 0.15, 0.15, 0.15
+"""Standard deviations of how far, about as far as a filter's particles are apart."""
+LOG_SCATTER = 0.5
+"""Standard deviation of the logarithm of each sample's own factor to position and speed."""
 
 
 def change_samples(
-    changes: LaneChanges, rng: np.random.Generator, scatter: LateralScatter
+    changes: LaneChanges, rng: np.random.Generator, scattered_share: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return inputs (n, 14) and outputs (n, 6) of table I.
+    """Return inputs (n, 14) and outputs (n, 6) of table I, a share of them moved sideways.
 
-    A sample that is moved sideways keeps its recorded accelerations: its lateral speed after the step is off by as
-    much as before, its lateral advance by as much as that speed makes of it.
+    A sample that is moved keeps its recorded accelerations: its lateral speed after the step is off by as much as
+    before, its lateral advance by as much as that speed makes of it.
 
     Gaps of missing neighbours scatter about 100 m and the two distances to the line scatter by 10 cm: constants and
     copies among the inputs would leave the covariances singular.
     """
     now, then = changes.state[:, :, :-1], changes.state[:, :, 1:]
-    astray = _astray(scatter, now.shape[1:], rng)
+    astray = _astray(scattered_share, now.shape[1:], rng)
     flat = (now + astray).reshape(len(now), -1)
     steps = now.shape[2]
     half_width = np.repeat(0.5 * changes.lane_width_m, steps)
@@ -71,14 +55,14 @@ def change_samples(
     return x, np.stack([column.ravel() for column in outputs], axis=1)
 
 
-def _astray(scatter: LateralScatter, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+def _astray(share: float, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
     """Return how far each sample is moved, shape (6, *shape)."""
     astray = np.zeros((STATE_SIZE, *shape))
-    moved = rng.random(shape) < scatter.share
-    size = moved * np.exp(scatter.log_size * rng.standard_normal(shape))
-    astray[LAT] = scatter.lat_m * size * rng.standard_normal(shape)
-    astray[LAT_SPEED] = scatter.lat_speed_mps * size * rng.standard_normal(shape)
-    astray[LAT_ACCEL] = scatter.lat_accel_mps2 * moved * rng.standard_normal(shape)
+    moved = rng.random(shape) < share
+    size = moved * np.exp(LOG_SCATTER * rng.standard_normal(shape))
+    astray[LAT] = LAT_M * size * rng.standard_normal(shape)
+    astray[LAT_SPEED] = LAT_SPEED_MPS * size * rng.standard_normal(shape)
+    astray[LAT_ACCEL] = LAT_ACCEL_MPS2 * moved * rng.standard_normal(shape)
     return astray
 
 

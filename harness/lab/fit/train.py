@@ -13,9 +13,9 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.files import replacing
-from harness.lab.fit import recurrent_fit, unrolled
+from harness.lab.fit import change_fit, recurrent_fit, unrolled
 from harness.lab.fit.card import TRAFFIC, errors_by_regime, write_card
-from harness.lab.fit.change_fit import AS_RECORDED, SCATTERED, LateralScatter, change_samples
+from harness.lab.fit.change_fit import SCATTERED_SHARE, change_samples
 from harness.lab.fit.driver_fit import (
     FOLLOWING_SAMPLES,
     PROPOSED_CHANGES,
@@ -220,7 +220,7 @@ def _train_change(
     say(f"{len(changes)} lane changes, {samples} samples")
     path = plan.out / "lane_change.npz"
     with _of_enough_traffic(plan):
-        x, y = change_samples(changes, np.random.default_rng(plan.seed), SCATTERED)
+        x, y = change_samples(changes, np.random.default_rng(plan.seed), SCATTERED_SHARE)
         mixture = fit_mixture(x, y, plan.size, plan.seed)
         CHANGE.save(path, mixture)
         CHANGE.load(path)
@@ -228,11 +228,11 @@ def _train_change(
     facts = {
         **_facts(plan, net, samples, samples),
         "Fit": _fitted_to(samples, plan.seed),
-        "Beside the recorded paths": f"{100 * SCATTERED.share:.0f} % of the samples moved sideways off the recorded "
-        f"path, by {SCATTERED.lat_m} m, {SCATTERED.lat_speed_mps} m/s and {SCATTERED.lat_accel_mps2} m/s², and going "
-        "on with the recorded acceleration",
-        "One-step log-likelihood on held-out seeds": f"{_held_out_fit(mixture, held_out, SCATTERED, rng)}, as it was "
-        f"trained (six outputs); {_held_out_fit(mixture, held_out, AS_RECORDED, rng)}, on the recorded paths",
+        "Beside the recorded paths": f"{100 * SCATTERED_SHARE:.0f} % of the samples moved sideways off the recorded "
+        f"path, by {change_fit.LAT_M} m, {change_fit.LAT_SPEED_MPS} m/s and {change_fit.LAT_ACCEL_MPS2} m/s², and "
+        "going on with the recorded acceleration",
+        "One-step log-likelihood on held-out seeds": f"{_held_out_fit(mixture, held_out, SCATTERED_SHARE, rng)}, as "
+        f"it was trained (six outputs); {_held_out_fit(mixture, held_out, 0.0, rng)}, on the recorded paths",
     }
     write_card(path.with_suffix(".md"), CHANGE_TITLE, facts, [], CHANGE_LIMITS)
     return [path]
@@ -249,8 +249,8 @@ def _of_enough_traffic(plan: TrainingPlan) -> Iterator[None]:
         raise InputError(f"{told}; give more of `duration` or `seeds`") from error
 
 
-def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scatter: LateralScatter, rng: np.random.Generator) -> str:
-    held = mixture.log_density(*change_samples(held_out, rng, scatter))
+def _held_out_fit(mixture: ScaledGmm, held_out: LaneChanges, scattered: float, rng: np.random.Generator) -> str:
+    held = mixture.log_density(*change_samples(held_out, rng, scattered))
     return f"median {np.median(held):.2f}, mean {held.mean():.2f} nats"
 
 

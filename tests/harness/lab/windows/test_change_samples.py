@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.lab.fit.change_fit import AS_RECORDED, LINE_COLUMNS, LateralScatter, change_samples
+from harness.lab.fit.change_fit import LINE_COLUMNS, change_samples
 from harness.lab.windows.cases import lane_change_cases
 from harness.lab.windows.changing import lane_change_windows
 from mmpf.motion.learned.lane_changer import FURTHEST_NEIGHBOUR_M, change_inputs, view_of
@@ -17,7 +17,7 @@ def test_inputs_in_training_and_in_use_are_the_same():
         (0.0, 10.0, changing(150)), (30.0, 9.0, steady(2.0)), (40.0, 11.0, steady(6.0)), (-20.0, 10.5, steady(6.0))
     )
     changes = lane_change_windows(recording, ROAD)
-    x, y = change_samples(changes, np.random.default_rng(0), AS_RECORDED)
+    x, y = change_samples(changes, np.random.default_rng(0), 0.0)
     cases = lane_change_cases(changes, 1, np.random.default_rng(0))
     exact = [column for column in range(14) if column not in LINE_COLUMNS]
     for step in (0, 30, 49, 52, 80):
@@ -34,7 +34,7 @@ def test_inputs_in_training_and_in_use_are_the_same():
 
 def test_a_missing_neighbour_scatters_about_the_furthest_distance():
     changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD)
-    x, _ = change_samples(changes, np.random.default_rng(0), AS_RECORDED)
+    x, _ = change_samples(changes, np.random.default_rng(0), 0.0)
     assert abs(x[:, 6].mean() - FURTHEST_NEIGHBOUR_M) < 5.0
     assert x[:, 6].std() > 1.0
 
@@ -44,8 +44,7 @@ def test_a_sample_moved_sideways_goes_on_with_the_recorded_acceleration():
     state = recorded_without_speed.state.copy()
     state[LAT_SPEED] = np.gradient(state[LAT], STEP_S, axis=1)
     changes = replace(recorded_without_speed, states=state.swapaxes(0, 1))
-    scatter = LateralScatter(share=1.0, lat_m=0.3, lat_speed_mps=0.2, lat_accel_mps2=0.1)
-    x, y = change_samples(changes, np.random.default_rng(0), scatter)
+    x, y = change_samples(changes, np.random.default_rng(0), 1.0)
     recorded = changes.state[:, 0]
     np.testing.assert_allclose(y[:, 2] - x[:, 2], np.diff(recorded[LAT_SPEED]), atol=1e-9)
     np.testing.assert_allclose(y[:, 4], recorded[LAT_ACCEL, 1:], atol=1e-9)
@@ -56,7 +55,7 @@ def test_a_sample_moved_sideways_goes_on_with_the_recorded_acceleration():
 
 def test_only_the_asked_share_of_the_samples_is_moved_and_none_of_them_forward():
     changes = lane_change_windows(traffic((0.0, 10.0, changing(150))), ROAD)
-    x, _ = change_samples(changes, np.random.default_rng(0), LateralScatter(share=0.3))
+    x, _ = change_samples(changes, np.random.default_rng(0), 0.3)
     moved = x[:, 0] != changes.state[LAT, 0, :-1]
     assert 0.1 < moved.mean() < 0.5
     np.testing.assert_array_equal(x[:, 1], changes.state[LON, 0, :-1])
