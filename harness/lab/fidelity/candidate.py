@@ -60,11 +60,11 @@ def first_candidate(
     network: Network, site: MeasuredSite, names: tuple[str, ...], keep_drivers: bool = False
 ) -> Candidate:
     """Return what the measurements say by themselves: densities of each five minutes, gaps that carry the flow."""
-    relation = Equilibrium(minimum_gap_m=network.drivers.minimum_gap_m)
-    headways = [_headway_s(site.periods[name].statistics, relation) for name in names]
     drivers = network.drivers
     if not keep_drivers:
-        drivers = drivers.model_copy(update={"headway_s": round(fmean(headways), 4)})
+        relation = Equilibrium(minimum_gap_m=drivers.minimum_gap_m)
+        headway_s = fmean(_headway_s(site.periods[name].statistics, relation) for name in names)
+        drivers = drivers.model_copy(update={"headway_s": round(headway_s, 4)})
     demands = {}
     for name in names:
         period = site.periods[name]
@@ -123,11 +123,8 @@ def improved(
     Each parameter has one figure that answers to it: the headway factor of a quarter of the road its effective headway
     (spacing beyond the standing one over speed), the ramps what flow is gained along the road, the densities the mean
     density, the waves' amplitude the share of slow cells, the minimum gap the speed of the waves. Each is moved towards
-    the measured figure by ``step`` of what is missing. Drivers' mean headway is then set so that the factors' mean over
-    all periods and quarters is one.
-
-    Args:
-        step: Share of the way that is gone, above 0 and at most 1.
+    the measured figure by ``step``, above 0 and at most 1, of what is missing. Drivers' mean headway is then set so
+    that the factors' mean over all periods and quarters is one.
     """
     demands = {
         name: _improved_demand(candidate.demands[name], entry, site.periods[name].statistics, candidate.drivers, step)
@@ -140,12 +137,8 @@ def improved(
     length_m = Equilibrium().vehicle_length_m
     gap_m = candidate.drivers.minimum_gap_m + GAP_GAIN * step * missing * (length_m + candidate.drivers.minimum_gap_m)
     mean = fmean(factor for demand in demands.values() for _, factor in demand.headway_profile[:QUARTERS])
-    drivers = candidate.drivers.model_copy(
-        update={
-            "headway_s": round(candidate.drivers.headway_s * mean, 4),
-            "minimum_gap_m": round(float(np.clip(gap_m, *GAP_RANGE_M)), 3),
-        }
-    )
+    moved = {"headway_s": round(candidate.drivers.headway_s * mean, 4), "minimum_gap_m": _within(gap_m, GAP_RANGE_M, 3)}
+    drivers = candidate.drivers.model_copy(update=moved)
     return Candidate(drivers, {name: _scaled(demand, 1.0 / mean) for name, demand in demands.items()})
 
 
@@ -163,8 +156,8 @@ def with_bolder_drivers(
     assertiveness = (drivers.assertiveness or FIRST_ASSERTIVENESS) * np.exp(step * ASSERTIVENESS_GAIN * changes)
     scale = drivers.acceleration_scale * np.exp(step * ACCELERATION_GAIN * spread)
     bolder = {
-        "assertiveness": round(float(np.clip(assertiveness, *ASSERTIVENESS_RANGE)), 4),
-        "acceleration_scale": round(float(np.clip(scale, *ACCELERATION_RANGE)), 4),
+        "assertiveness": _within(assertiveness, ASSERTIVENESS_RANGE),
+        "acceleration_scale": _within(scale, ACCELERATION_RANGE),
     }
     return replace(candidate, drivers=drivers.model_copy(update=bolder))
 
@@ -178,11 +171,9 @@ def _missing(measured: float, simulated: float) -> float:
 
 def averaged(candidates: Sequence[Candidate]) -> Candidate:
     """Return the candidate whose every number is the mean of the candidates'."""
-    drivers = _mean([candidate.drivers.model_dump() for candidate in candidates])
-    demands = {name: _mean([each.demands[name].model_dump() for each in candidates]) for name in candidates[0].demands}
-    return Candidate(
-        Drivers.model_validate(drivers), {name: DemandFile.model_validate(demand) for name, demand in demands.items()}
-    )
+    drivers = Drivers.model_validate(_mean([each.drivers.model_dump() for each in candidates]))
+    of_each = {name: [each.demands[name].model_dump() for each in candidates] for name in candidates[0].demands}
+    return Candidate(drivers, {name: DemandFile.model_validate(_mean(tables)) for name, tables in of_each.items()})
 
 
 def _mean(values: Sequence[object]) -> object:
@@ -205,7 +196,7 @@ def _improved_demand(
     headways = (_quarter_headways_s(statistics, relation) for statistics in (measured, simulated))
     ratios = [wished / found for wished, found in zip(*headways, strict=True)]
     profile = tuple(
-        (place, round(float(np.clip(factor * ratio**step, *FACTOR_RANGE)), 4))
+        (place, _within(factor * ratio**step, FACTOR_RANGE))
         for (place, factor), ratio in zip(demand.headway_profile, [*ratios, 1.0], strict=True)
     )
     density = (measured.density_veh_per_km_lane / simulated.density_veh_per_km_lane) ** step
@@ -216,12 +207,12 @@ def _improved_demand(
         update={
             "on_ramp_veh_per_h": on_ramp,
             "off_ramp_veh_per_h": off_ramp,
-            "density_veh_per_km_lane": _bounded_density(demand.density_veh_per_km_lane * density),
+            "density_veh_per_km_lane": _within(demand.density_veh_per_km_lane * density, DENSITY_RANGE, 2),
             "schedule": tuple(
-                (from_s, _bounded_density(entry * density), waves) for from_s, entry, waves in demand.schedule
+                (from_s, _within(entry * density, DENSITY_RANGE, 2), waves) for from_s, entry, waves in demand.schedule
             ),
             "headway_profile": profile,
-            "exit_wave_amplitude": round(float(np.clip(amplitude, *AMPLITUDE_RANGE)), 4),
+            "exit_wave_amplitude": _within(amplitude, AMPLITUDE_RANGE),
         }
     )
 
@@ -230,14 +221,12 @@ def _improved_ramps(
     demand: DemandFile, simulated: PeriodStatistics, measured: PeriodStatistics, step: float
 ) -> tuple[float | None, float | None]:
     """Return ramp flows that move the flow gained along the road towards the measured one."""
-    if demand.on_ramp_veh_per_h is None or demand.off_ramp_veh_per_h is None:
-        return demand.on_ramp_veh_per_h, demand.off_ramp_veh_per_h
+    on_ramp, off_ramp = demand.on_ramp_veh_per_h, demand.off_ramp_veh_per_h
+    if on_ramp is None or off_ramp is None:
+        return on_ramp, off_ramp
     gains = [entry.quarter_flow_veh_per_h[-1] - entry.quarter_flow_veh_per_h[0] for entry in (measured, simulated)]
     half = RAMP_GAIN * step * (gains[0] - gains[1]) / 2.0
-    return (
-        round(float(np.clip(demand.on_ramp_veh_per_h + half, *RAMP_RANGE_VEH_PER_H)), 1),
-        round(float(np.clip(demand.off_ramp_veh_per_h - half, *RAMP_RANGE_VEH_PER_H)), 1),
-    )
+    return _within(on_ramp + half, RAMP_RANGE_VEH_PER_H, 1), _within(off_ramp - half, RAMP_RANGE_VEH_PER_H, 1)
 
 
 def _scaled(demand: DemandFile, scale: float) -> DemandFile:
@@ -248,8 +237,8 @@ def _scaled(demand: DemandFile, scale: float) -> DemandFile:
     return demand.model_copy(update={"headway_profile": profile})
 
 
-def _bounded_density(density: float) -> float:
-    return round(float(np.clip(density, *DENSITY_RANGE)), 2)
+def _within(value: float, ends: tuple[float, float], digits: int = 4) -> float:
+    return round(float(np.clip(value, *ends)), digits)
 
 
 def _headway_s(statistics: PeriodStatistics, relation: Equilibrium) -> float:
