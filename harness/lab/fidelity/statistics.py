@@ -66,7 +66,7 @@ def period_statistics(pieces: Sequence[Fields], lanes: int = MAIN_LANES) -> Peri
         quarter_speed_mps=tuple(float(q.mean() / k.mean()) for q, k in quarters),
         quarter_flow_veh_per_h=tuple(float(3600.0 * q.mean()) for q, _ in quarters),
         share_below_4mps=float(np.nanmean(speed < SLOW_MPS)),
-        wave_mps=wave_speed([piece.speed_mps for piece in pieces], CELL_M, BIN_S),
+        wave_mps=wave_speed([piece.speed_mps for piece in pieces]),
     )
 
 
@@ -93,6 +93,7 @@ def targets(simulated: PeriodStatistics, measured: PeriodStatistics) -> tuple[Ta
     def relative(name: str, first: float, second: float, tolerance: float) -> Target:
         return Target(name, first, second, 100.0 * (first / second - 1.0), tolerance, "%")
 
+    quarters = zip(simulated.quarter_speed_mps, measured.quarter_speed_mps, strict=True)
     slow, measured_slow = 100.0 * simulated.share_below_4mps, 100.0 * measured.share_below_4mps
     return (
         relative("mean speed, m/s", simulated.mean_speed_mps, measured.mean_speed_mps, MEAN_PERCENT),
@@ -100,30 +101,20 @@ def targets(simulated: PeriodStatistics, measured: PeriodStatistics) -> tuple[Ta
         relative(
             "density, veh/km/lane", simulated.density_veh_per_km_lane, measured.density_veh_per_km_lane, MEAN_PERCENT
         ),
-        *(
-            relative(f"speed in quarter {k}, m/s", first, second, QUARTER_PERCENT)
-            for k, (first, second) in enumerate(
-                zip(simulated.quarter_speed_mps, measured.quarter_speed_mps, strict=True), start=1
-            )
-        ),
+        *(relative(f"speed in quarter {k}, m/s", *both, QUARTER_PERCENT) for k, both in enumerate(quarters, start=1)),
         Target("cells below 4 m/s, %", slow, measured_slow, slow - measured_slow, SLOW_POINTS, "points"),
         relative("wave speed, m/s", simulated.wave_mps, measured.wave_mps, WAVE_PERCENT),
     )
 
 
-def wave_speed(speeds: Sequence[FloatArray], cell_m: float, bin_s: float) -> float:
+def wave_speed(speeds: Sequence[FloatArray]) -> float:
     """Return the speed at which changes of speed travel upstream, from the lag between cells some way apart.
 
     Changes are what is left of each cell's speed when its mean over five minutes about each moment is taken off. For
     each of several growing distances, the lag with the greatest correlation between downstream and upstream cells is
     found near to what the last distance leads to expect, to a fraction of a bin by a parabola through it and its
-    neighbours; the speed is the slope of distance over lag.
-
-    Args:
-        speeds: Speed fields, each (cells, bins).
-
-    Returns:
-        Speed, positive upstream; nan where no lag stands out or the changes do not travel.
+    neighbours; the speed is the slope of distance over lag. It is nan where no lag stands out or the changes do not
+    travel. Speed fields are of shape (cells, bins).
     """
     changes = [_changes(speed) for speed in speeds]
     distances, lags = [], []
@@ -132,8 +123,8 @@ def wave_speed(speeds: Sequence[FloatArray], cell_m: float, bin_s: float) -> flo
         lag = _lag_of_greatest_correlation(changes, cells, range(expected - reach, expected + reach + 1))
         if lag is None:
             break
-        distances.append(cells * cell_m)
-        lags.append(lag * bin_s)
+        distances.append(cells * CELL_M)
+        lags.append(lag * BIN_S)
         expected, reach = round(lag * (cells + WAVE_CELLS[0]) / cells), FURTHER_LAG_BINS
     squares = float(np.dot(lags, lags))
     return float(np.dot(distances, lags)) / squares if squares > 0.0 else float("nan")

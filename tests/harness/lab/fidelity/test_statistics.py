@@ -27,27 +27,27 @@ def fields(speed, density=0.2):
 @given(st.floats(3.5, 9.0), st.floats(100.0, 200.0))
 def test_the_speed_of_waves_is_found_to_a_quarter_of_a_bin_between_the_farthest_cells(speed, period):
     longest_lag_s = 195.0 / speed
-    found = wave_speed([waves(speed, period)], CELL_M, BIN_S)
+    found = wave_speed([waves(speed, period)])
     assert found == pytest.approx(speed, rel=0.25 * BIN_S / longest_lag_s)
 
 
 @pytest.mark.parametrize("speed", [4.0, 5.5, 7.0])
 def test_the_speed_of_waves_is_found_in_noise_and_over_several_pieces(speed):
     pieces = [waves(speed, noise=2.0, seed=k, bins=90) for k in range(3)]
-    assert wave_speed(pieces, CELL_M, BIN_S) == pytest.approx(speed, rel=0.08)
+    assert wave_speed(pieces) == pytest.approx(speed, rel=0.08)
 
 
 def test_waves_that_travel_downstream_have_a_negative_speed():
-    assert wave_speed([waves(-6.0)], CELL_M, BIN_S) == pytest.approx(-6.0, rel=0.05)
+    assert wave_speed([waves(-6.0)]) == pytest.approx(-6.0, rel=0.05)
 
 
 def test_traffic_without_change_has_no_wave_speed():
-    assert np.isnan(wave_speed([np.full((CELLS, BINS), 8.0)], CELL_M, BIN_S))
+    assert np.isnan(wave_speed([np.full((CELLS, BINS), 8.0)]))
 
 
 def test_a_trend_that_all_cells_share_is_no_wave():
     trend = np.linspace(0.0, 8.0, BINS)
-    assert wave_speed([waves(5.0) + trend], CELL_M, BIN_S) == pytest.approx(5.0, rel=0.08)
+    assert wave_speed([waves(5.0) + trend]) == pytest.approx(5.0, rel=0.08)
 
 
 def test_mean_speed_is_distance_over_time_and_not_the_mean_of_the_cells():
