@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from harness.common.errors import InputError
 from harness.lab.fidelity.fields import Fields
 from harness.lab.fidelity.samples import VehicleStatistics, recorded_samples, recording_files
 from harness.lab.fidelity.statistics import PeriodStatistics, period_statistics
+from harness.truth.network.demand import NetworkTable
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import file_of
 
@@ -21,11 +22,7 @@ PART_S = 300.0
 MEASURED_COMMENT = "Made from recordings by `python -m harness calibrate --fields ... --recordings ... --write`."
 
 
-class _StrictModel(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class MeasuredPeriod(_StrictModel):
+class MeasuredPeriod(NetworkTable):
     """One period of a site.
 
     Attributes:
@@ -41,14 +38,14 @@ class MeasuredPeriod(_StrictModel):
     parts: tuple[PeriodStatistics, ...]
 
 
-class MeasuredVehicles(_StrictModel):
+class MeasuredVehicles(NetworkTable):
     """What single vehicles of a site do, and which recordings that is taken from."""
 
     source: str
     figures: VehicleStatistics
 
 
-class MeasuredSite(_StrictModel):
+class MeasuredSite(NetworkTable):
     """The content of ``measured.toml``.
 
     Attributes:
