@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -45,15 +46,12 @@ def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatAr
     Returns:
         Sums and numbers of finite values, both of shape (groups, k).
     """
-    groups = int(group.max(initial=-1)) + 1
     finite = np.isfinite(values)
-    sums = np.zeros((groups, values.shape[1]))
-    counts = np.zeros((groups, values.shape[1]))
-    for column in range(values.shape[1]):
-        kept = finite[:, column]
-        sums[:, column] = np.bincount(group[kept], weights=values[kept, column], minlength=groups)
-        counts[:, column] = np.bincount(group[kept], minlength=groups)
-    return sums, counts
+
+    def summed(table: npt.NDArray[Any]) -> FloatArray:
+        return np.stack([np.bincount(group, column) for column in table.T], axis=1, dtype=np.float64)
+
+    return summed(np.where(finite, values, 0.0)), summed(finite)
 
 
 def cluster_bootstrap(
@@ -76,14 +74,7 @@ def cluster_bootstrap(
         weights = rng.multinomial(groups, share, size=min(at_once, draws - begin)).astype(np.float64)
         total = weights @ counts
         blocks.append(np.divide(weights @ sums, total, out=np.full_like(total, np.nan), where=total > 0))
-    means = np.concatenate(blocks)
-    intervals = []
-    for quantity in range(sums.shape[1]):
-        column = means[:, quantity]
-        column = column[np.isfinite(column)]
-        if np.count_nonzero(counts[:, quantity]) < 2:
-            intervals.append(Interval(np.nan, np.nan))
-        else:
-            low, high = np.quantile(column, (TAIL, 1.0 - TAIL))
-            intervals.append(Interval(float(low), float(high)))
-    return intervals
+    ends = np.full((2, sums.shape[1]), np.nan)
+    enough = np.count_nonzero(counts, axis=0) >= 2
+    ends[:, enough] = np.nanquantile(np.concatenate(blocks)[:, enough], (TAIL, 1.0 - TAIL), axis=0)
+    return [Interval(low, high) for low, high in ends.T.tolist()]
