@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from harness.common.errors import InputError
 from harness.common.streams import streams_and_depth_kept
+from mmpf.registry import Registry
 
 T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True)
 
 
-class Catalogue(Protocol[T_co]):
-    """A registry, as ``mmpf.registry.Registry`` is one."""
-
-    @property
-    def fault(self) -> Callable[[object], str] | None:
-        """Return what is wrong with a thing that an entry made; None where anything is right."""
-
-    def __getitem__(self, name: str) -> T_co:
-        """Return the entry of a name."""
-
-    def problem(self, name: str) -> str:
-        """Return a sentence on why a name has no usable entry; empty if it has one."""
-
-
-def named(registry: Catalogue[T], option: str, name: str) -> T:
-    """Return the entry of a name.
-
-    Args:
-        option: The option that the name was given for.
+def named(registry: Registry[T], option: str, name: str) -> T:
+    """Return the entry of a name that was given for an option.
 
     Raises:
         InputError: There is none of that name, or it can't be had.
@@ -42,7 +25,7 @@ def named(registry: Catalogue[T], option: str, name: str) -> T:
     return registry[name]
 
 
-def check_made(registry: Catalogue[T], option: str, name: str, thing: object) -> None:
+def check_made(registry: Registry[T], option: str, name: str, thing: object) -> None:
     """Refuse what an entry made if it is something else.
 
     Raises:
