@@ -8,10 +8,10 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -49,7 +49,7 @@ def watched(command: str, arguments: Sequence[str]) -> int:
             _tell_of_exits(pipe)
             try:
                 signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-                code = int(_named(command)(arguments))
+                code = int(resolve_name(command)(arguments))
             except KeyboardInterrupt:
                 code = code_of_end()
             # All is done and told: what ends the process from here on must not look like an error.
@@ -105,7 +105,7 @@ def answer() -> None:
     _tell_of_exits(writing)
     told: tuple[Any, BaseException | None]
     try:
-        told = _named(sys.argv[2])(*pickle.load(sys.stdin.buffer)), None
+        told = resolve_name(sys.argv[2])(*pickle.load(sys.stdin.buffer)), None
     except (InputError, RunInterruptedError, KeyboardInterrupt) as error:
         told = None, error
     except BaseException as error:  # whatever external code raises
@@ -125,13 +125,6 @@ def _tell_of_exits(writing: int) -> None:
         leave(code)
 
     os._exit = told  # type: ignore[assignment]
-
-
-def _named(function: str) -> Callable[..., Any]:
-    """Return what ``module:function`` names."""
-    module, name = function.split(":")
-    found: Callable[..., Any] = getattr(import_module(module), name)
-    return found
 
 
 def _fork(handed_on: Sequence[int]) -> tuple[int, int, set[Any]]:
