@@ -100,15 +100,12 @@ class GrowingTables:
             OSError: There is no room; no row is lost, and it may be called again.
         """
         for name in sorted(self._parts, key=lambda name: sum(part.stat().st_size for part in self._parts[name])):
-            self._close(name)
-
-    def _close(self, name: str) -> None:
-        parts = self._parts[name]
-        if len(parts) > 1:
-            _put_together(parts, self._folder / name)
-            for part in parts[1:]:
-                part.unlink()
-            del parts[1:]
+            parts = self._parts[name]
+            if len(parts) > 1:
+                _put_together(parts, self._folder / name)
+                for part in parts[1:]:
+                    part.unlink()
+                del parts[1:]
 
     def drop(self, names: Collection[str]) -> None:
         """Remove tables that are of no use before all stretches are in them."""
