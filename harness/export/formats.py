@@ -86,12 +86,12 @@ def export_run(
     if target.exists():
         if out is not None and not force:
             raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
-        ownership.check_replaceable(target, ownership.EXPORT, "out")
+        ownership.check_replaceable(target, ownership.EXPORT)
     with sound_tables(folder, "folder"):
         results = folder if name in OF_FOLDERS else read_recorded_run(folder)
     with writing("out", target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        lock = lock_beside(target, "out")
+        lock = lock_beside(target)
     # Within the lock nobody else writes here; what a killed export left goes.
     pending = pending_of(target)
     try:
@@ -106,7 +106,7 @@ def export_run(
             ownership.record_all(pending, ownership.EXPORT)
             if target.exists():
                 tell(f"replaced {ownership.described(target)}")
-                ownership.check_replaceable(target, ownership.EXPORT, "out")
+                ownership.check_replaceable(target, ownership.EXPORT)
                 ownership.remove(target)
             pending.rename(target)
     finally:

@@ -31,7 +31,7 @@ def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> I
         try:
             _check_is_grid(out, kind)
             out.mkdir(parents=True, exist_ok=True)
-            lock = lock_within(out, "out")
+            lock = lock_within(out)
         except OSError:
             # Only an empty one goes.
             with suppress(OSError):

@@ -32,24 +32,24 @@ class FolderLock:
             self._file.close()
 
 
-def lock_beside(folder: Path, parameter: str) -> FolderLock:
+def lock_beside(folder: Path) -> FolderLock:
     """Take the lock of a folder that is not there yet or will be replaced; the file lies beside it."""
-    return _take(folder.with_name(f".{folder.name}{LOCK}"), folder, parameter)
+    return _take(folder.with_name(f".{folder.name}{LOCK}"), folder)
 
 
-def lock_within(folder: Path, parameter: str) -> FolderLock:
+def lock_within(folder: Path) -> FolderLock:
     """Take the lock of a folder that is there and stays; the file lies in it."""
-    return _take(folder / LOCK, folder, parameter)
+    return _take(folder / LOCK, folder)
 
 
 def remove_stale_locks(parent: Path) -> None:
     """Remove the files of locks beside folders whose holders were killed."""
     for path in parent.glob(f".*{LOCK}"):
         with suppress(InputError, OSError):
-            _take(path, path, "out").release()
+            _take(path, path).release()
 
 
-def _take(path: Path, folder: Path, parameter: str) -> FolderLock:
+def _take(path: Path, folder: Path) -> FolderLock:
     """Take a lock, or raise an ``InputError`` where another process, or another run in this one, holds it."""
     while True:
         # Nobody's file is written through a link, and a pipe of that name keeps nobody waiting.
@@ -64,7 +64,7 @@ def _take(path: Path, folder: Path, parameter: str) -> FolderLock:
             if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
                 raise
             raise InputError(
-                f"`{parameter}`: another process is writing {folder}; wait until it ends or choose another folder"
+                f"`out`: another process is writing {folder}; wait until it ends or choose another folder"
             ) from None
         if _is_still(path, file):
             return FolderLock(path, file)

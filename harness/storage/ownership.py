@@ -56,7 +56,7 @@ def strangers(folder: Path) -> list[str]:
     return [name for name in _files(folder) if name not in own]
 
 
-def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
+def check_replaceable(folder: Path, kind: str) -> None:
     """Check that a folder may be replaced: empty, or made by this program, of this kind, without other files.
 
     Raises:
@@ -64,21 +64,20 @@ def check_replaceable(folder: Path, kind: str, parameter: str) -> None:
     """
     fix = "choose another folder, or remove it yourself"
     if folder.is_symlink():
-        raise InputError(f"`{parameter}`: {folder} is a link; give the folder that it leads to")
+        raise InputError(f"`out`: {folder} is a link; give the folder that it leads to")
     if not folder.is_dir():
-        raise InputError(f"`{parameter}`: {folder} is a file; choose another folder")
+        raise InputError(f"`out`: {folder} is a file; choose another folder")
     if not any(folder.iterdir()):
         return
     found = kind_of(folder)
     if found is None:
-        raise InputError(f"`{parameter}`: {folder} was not made by this program and is not replaced; {fix}")
+        raise InputError(f"`out`: {folder} was not made by this program and is not replaced; {fix}")
     if found != kind:
-        raise InputError(f"`{parameter}`: {folder} is {IN_WORDS[found]}, not {IN_WORDS[kind]}; {fix}")
+        raise InputError(f"`out`: {folder} is {IN_WORDS[found]}, not {IN_WORDS[kind]}; {fix}")
     if others := strangers(folder):
         count = f" and {len(others) - 1} more" if len(others) > 1 else ""
         raise InputError(
-            f"`{parameter}`: {folder} holds {others[0]}{count}, which this program did not write; move it away, or "
-            f"{fix}"
+            f"`out`: {folder} holds {others[0]}{count}, which this program did not write; move it away, or {fix}"
         )
 
 

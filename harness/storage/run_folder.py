@@ -105,7 +105,7 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
     with writing("out", final):
         _check_free(final, force)
         final.parent.mkdir(parents=True, exist_ok=True)
-        lock = lock_beside(final, "out") if out is not None else None
+        lock = lock_beside(final) if out is not None else None
     pending = final.with_name(f".{final.name}.running-{os.getpid()}@{platform.node()}")
     try:
         # Whoever held the lock a moment ago may have finished.
@@ -127,12 +127,12 @@ def _check_free(final: Path, force: bool) -> None:
     if os.path.lexists(final):
         if not force:
             raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
-        ownership.check_replaceable(final, ownership.RUN, "out")
+        ownership.check_replaceable(final, ownership.RUN)
 
 
 def _is_replaceable(folder: Path) -> bool:
     try:
-        ownership.check_replaceable(folder, ownership.RUN, "out")
+        ownership.check_replaceable(folder, ownership.RUN)
     except (InputError, OSError):
         return False
     return True

@@ -25,7 +25,7 @@ def run(tmp_path):
 
 
 def test_what_this_program_made_is_removed_whole(run):
-    ownership.check_replaceable(run, RUN, "out")
+    ownership.check_replaceable(run, RUN)
     assert ownership.described(run) == f"{run}: a run, 5 files, 0.0 MB"
     ownership.remove(run)
     assert not run.exists()
@@ -36,7 +36,7 @@ def test_a_users_file_makes_a_folder_irreplaceable_and_survives_its_removal(run,
     (run / place).parent.mkdir(exist_ok=True)
     (run / place).write_text("mine")
     with pytest.raises(InputError, match=f"holds {place}, which this program did not write"):
-        ownership.check_replaceable(run, RUN, "out")
+        ownership.check_replaceable(run, RUN)
     ownership.remove(run)
     assert (run / place).read_text() == "mine"
     assert {path.name for path in run.rglob("*") if path.is_file()} == {LEDGER, (run / place).name}
@@ -48,7 +48,7 @@ def test_a_run_within_a_run_is_a_result_of_its_own(run):
     (inner / "metrics.json").write_text("{}")
     ownership.record_all(inner, RUN)
     with pytest.raises(InputError, match="holds inner/"):
-        ownership.check_replaceable(run, RUN, "out")
+        ownership.check_replaceable(run, RUN)
 
 
 @pytest.mark.parametrize(
@@ -64,17 +64,17 @@ def test_no_folder_is_taken_for_this_programs_by_a_file_that_only_looks_so(run, 
     content = ledger if isinstance(ledger, bytes) else ledger.encode()
     (run / LEDGER).write_bytes(content)
     with pytest.raises(InputError, match="was not made by this program"):
-        ownership.check_replaceable(run, RUN, "out")
+        ownership.check_replaceable(run, RUN)
 
 
 def test_a_folder_of_another_kind_a_link_and_a_file_are_refused(run, tmp_path):
     with pytest.raises(InputError, match="is a run, not a stress test"):
-        ownership.check_replaceable(run, STRESS, "out")
+        ownership.check_replaceable(run, STRESS)
     (tmp_path / "link").symlink_to(run)
     with pytest.raises(InputError, match="is a link"):
-        ownership.check_replaceable(tmp_path / "link", RUN, "out")
+        ownership.check_replaceable(tmp_path / "link", RUN)
     with pytest.raises(InputError, match="is a file"):
-        ownership.check_replaceable(run / "metrics.json", RUN, "out")
+        ownership.check_replaceable(run / "metrics.json", RUN)
 
 
 def test_a_ledger_reaches_nothing_outside_of_its_folder_and_through_no_link(run, tmp_path):
