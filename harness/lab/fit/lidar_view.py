@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -34,29 +33,20 @@ RINGS_M = ((0.0, 30.0), (30.0, 60.0), (0.0, 60.0), (60.0, 100.0))
 KINDS = ("visible fraction", "expected points", "solid angle")
 
 
-@dataclass(frozen=True)
-class Cuboids:
-    """Cuboids around a lidar at the origin; arrays of shape (n,), heights against the lidar's."""
-
-    x_m: FloatArray
-    y_m: FloatArray
-    heading_rad: FloatArray
-    length_m: FloatArray
-    width_m: FloatArray
-    bottom_m: FloatArray
-    top_m: FloatArray
-
-
-def solid_angles(cuboids: Cuboids) -> FloatArray:
-    """Return how much of each is seen from the origin over the roofs of what stands before it, sr, shape (n,).
+def solid_angles(body: FloatArray, bottom_m: FloatArray, top_m: FloatArray) -> FloatArray:
+    """Return how much of each cuboid is seen from the origin over the roofs of what stands before it, sr, shape (n,).
 
     Each direction in which a cuboid is looked at is cut by what it hits: of the cuboid, what lies above the highest
     roof before it is seen. What stands before it is taken to reach down to the ground.
+
+    Args:
+        body: x, y, heading, length and width, shape (5, n).
+        bottom_m: Heights against the lidar's, shape (n,).
+        top_m: Likewise.
     """
-    place = np.stack([cuboids.x_m, cuboids.y_m])
+    place, heading_rad, half = body[:2], body[2], 0.5 * body[3:]
     away_m, bearing = np.hypot(*place), np.arctan2(*place[::-1])
-    half = 0.5 * np.stack([cuboids.length_m, cuboids.width_m])
-    ahead = np.stack([np.cos(cuboids.heading_rad), np.sin(cuboids.heading_rad)])
+    ahead = np.stack([np.cos(heading_rad), np.sin(heading_rad)])
     corners = [
         place + a * half[0] * ahead + b * half[1] * np.stack([-ahead[1], ahead[0]]) for a in (-1, 1) for b in (-1, 1)
     ]
@@ -64,8 +54,8 @@ def solid_angles(cuboids: Cuboids) -> FloatArray:
     first, wide = aside.min(axis=0), np.ptp(aside, axis=0)
     ray = (bearing + first)[:, None] + wide[:, None] * (np.arange(RAYS) + 0.5) / RAYS
     # Distance along each ray, of shape (n, RAYS), to each cuboid: where it is between both pairs of its sides.
-    start = np.stack(turned(-place[0], -place[1], cuboids.heading_rad))
-    way = np.stack(turned(np.cos(ray)[:, :, None], np.sin(ray)[:, :, None], cuboids.heading_rad))
+    start = np.stack(turned(-place[0], -place[1], heading_rad))
+    way = np.stack(turned(np.cos(ray)[:, :, None], np.sin(ray)[:, :, None], heading_rad))
     way = np.where(way == 0.0, 1e-12, way)
     sides = np.stack([(side * half[:, None, None] - start[:, None, None]) / way for side in (-1.0, 1.0)])
     enters_m, leaves_m = sides.min(axis=0).max(axis=0), sides.max(axis=0).min(axis=0)
@@ -73,9 +63,9 @@ def solid_angles(cuboids: Cuboids) -> FloatArray:
     target_m = np.where(enters_m[own, :, own] > 0.0, enters_m[own, :, own], away_m[:, None])
     before = (enters_m <= leaves_m) & (enters_m > 0.0) & (enters_m < target_m[:, :, None])
     before[own, :, own] = False
-    roof = np.where(before, cuboids.top_m / np.maximum(enters_m, 0.5), -np.inf).max(axis=2)
-    seen_from = np.maximum((cuboids.bottom_m / away_m)[:, None], roof)
-    return np.asarray(np.maximum((cuboids.top_m / away_m)[:, None] - seen_from, 0.0).mean(axis=1) * wide)
+    roof = np.where(before, top_m / np.maximum(enters_m, 0.5), -np.inf).max(axis=2)
+    seen_from = np.maximum((bottom_m / away_m)[:, None], roof)
+    return np.asarray(np.maximum((top_m / away_m)[:, None] - seen_from, 0.0).mean(axis=1) * wide)
 
 
 def _of_log(log: Path) -> Iterator[FloatArray]:
@@ -93,7 +83,7 @@ def _of_log(log: Path) -> Iterator[FloatArray]:
         fraction, _, _ = visible_fractions((0.0, 0.0), body, np.zeros((5, 0)))
         away_m, slant = np.hypot(x_m, y_m), heading - np.arctan2(y_m, x_m)
         across_m = length_m * np.abs(np.sin(slant)) + width_m * np.abs(np.cos(slant))
-        solid = solid_angles(Cuboids(x_m, y_m, heading, length_m, width_m, low_m, low_m + height_m))
+        solid = solid_angles(body, low_m, low_m + height_m)
         values = np.stack([away_m, points >= FEWEST_POINTS, fraction, fraction * across_m / away_m**2, solid])
         yield values[:, rows["category"].isin(list(VEHICLES)).to_numpy()]
 
