@@ -36,8 +36,8 @@ ITERATIONS = 1500
 DT = FITTED_STEP_S
 SEEN_STEPS = (0, 0, 10, 25, 50)
 """How many steps a window goes through what was recorded before its particles are on their own: one of these."""
-SEEN_GAP_M, SEEN_SPEED_MPS, SEEN_ACCEL_MPS2 = 0.2, 0.2, 0.4
-"""How far particles of a vehicle in sight are from what was recorded, step by step: standard deviations."""
+SEEN_STDS = np.array([0.2, 0.2, 0.4])
+"""Standard deviations of how far particles of a vehicle in sight are from what was recorded: m, m/s and m/s²."""
 SCORED_EVERY = 5
 
 Inputs: TypeAlias = dict[str, Array]
@@ -48,11 +48,7 @@ Traced: TypeAlias = Any
 def fit_recurrent(
     windows: CarFollowing, seed: int, say: Callable[[str], None], iterations: int = ITERATIONS
 ) -> RecurrentWeights:
-    """Fit a network to windows of car following by Adam.
-
-    Args:
-        windows: Windows of 10 s with and without leaders.
-        seed: Seed of the first weights, the choice of windows and the noise.
+    """Fit a network to windows of 10 s, with and without leaders, by Adam.
 
     Raises:
         InputError: JAX is not installed.
@@ -96,29 +92,24 @@ def drawn_inputs(windows: CarFollowing, chosen: IntArray, rng: np.random.Generat
     """Return what ``compiled_score`` needs of the windows ``chosen``: b windows, p particles each, over time."""
     rollouts = rollouts_of(windows, chosen, PARTICLES, rng)
     steps, count = rollouts.leader_m.shape
-    accel = np.repeat(windows.accel_mps2[chosen].T, PARTICLES, axis=1)
-    scatter = rng.standard_normal((3, steps, count))
+    scatter = rng.standard_normal((3, steps, count)).swapaxes(0, 1)
     seen_steps = rng.choice(SEEN_STEPS, size=len(chosen))
+    alone_from = np.repeat(seen_steps, PARTICLES)
+    true = np.stack([rollouts.true_m, rollouts.true_speed_mps, windows.accel_mps2[chosen].T], axis=1)
+    recorded = np.repeat(true, PARTICLES, axis=2) + SEEN_STDS[:, None] * scatter
+    # Those that nobody saw before begin exactly where the vehicle was.
+    start = np.stack([np.zeros(count), rollouts.speed_mps, rollouts.accel_mps2])
+    recorded[0] = np.where(alone_from == 0, start, recorded[0])
+    recorded[:, 1] = np.maximum(recorded[:, 1], 0.0)
     inputs = {
         "led": rollouts.led,
         "leader": np.stack([rollouts.leader_m, rollouts.leader_speed_mps, rollouts.leader_accel_mps2], axis=1),
         "noise": rollouts.noise,
         "true_m": rollouts.true_m,
         "true_speed_mps": rollouts.true_speed_mps,
-        "recorded": np.stack(
-            [
-                np.repeat(rollouts.true_m, PARTICLES, axis=1) + SEEN_GAP_M * scatter[0],
-                np.repeat(rollouts.true_speed_mps, PARTICLES, axis=1) + SEEN_SPEED_MPS * scatter[1],
-                accel + SEEN_ACCEL_MPS2 * scatter[2],
-            ],
-            axis=1,
-        ),
-        "alone_from": np.repeat(seen_steps, PARTICLES),
+        "recorded": recorded,
+        "alone_from": alone_from,
     }
-    # Those that nobody saw before begin exactly where the vehicle was.
-    for row, start in enumerate((np.zeros(count), rollouts.speed_mps, rollouts.accel_mps2)):
-        inputs["recorded"][0, row] = np.where(inputs["alone_from"] == 0, start, inputs["recorded"][0, row])
-    inputs["recorded"][:, 1] = np.maximum(inputs["recorded"][:, 1], 0.0)
     steps_alone = np.arange(steps)[:, None] - seen_steps
     scored = (steps_alone > 0) & (steps_alone % SCORED_EVERY == 0)
     seconds = np.where(scored, steps_alone, 1) * DT
@@ -133,11 +124,7 @@ def compiled_score(
 ) -> Callable[[Weights, Inputs], tuple[Traced, dict[str, Traced]]]:
     """Return a function of weights and inputs that gives the score and its gradient by the weights.
 
-    Args:
-        low: Least situation, shape (5,).
-        high: Greatest one, shape (5,).
-        mean: Their means, shape (5,).
-        scale: Their standard deviations, shape (5,).
+    Least and greatest situation, their means and their standard deviations are each of shape (5,).
 
     Raises:
         InputError: JAX is not installed.
