@@ -149,14 +149,11 @@ def check_moves(
 ) -> None:
     """Refuse paths in the plane that no vehicle drives.
 
+    Arrays are of shape (n,), in any order of time; ``who`` says in any sortable way whose row each is, and a direction
+    that is not told is nan. Of the recording car no row may be odd; of others a few may.
+
     Args:
         place: The file, or the option and the file.
-        who: Whose row each is, of any kind that can be sorted, shape (n,).
-        time_s: Times, in any order, shape (n,).
-        x_m: Places, shape (n,).
-        y_m: Places, shape (n,).
-        heading_rad: Directions, nan where none is told, shape (n,).
-        is_ego: Whether they are of the recording car, of which no row may be odd; of others a few may.
 
     Raises:
         InputError: One is at two places at once, leaps, moves sideways or backwards, or turns at once.

@@ -71,13 +71,8 @@ NOTHING = Effect(np.nan, np.nan, 0.0)
 def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArray) -> Effect:
     """Return the mean of b - a over pairs, whose errors are shared within a unit (a seed) and none between units.
 
-    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval.
-
-    Args:
-        a: Values of the first arm, shape (n,).
-        b: Values of the second on the same traffic, shape (n,).
-        stratum: Setting of each pair, such as its density, shape (n,).
-        unit: Independent unit of each pair, shape (n,).
+    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval. Both arms'
+    values on the same traffic, each pair's stratum (a setting, such as its density) and its unit are of shape (n,).
     """
     if not len(a):
         return NOTHING

@@ -23,12 +23,8 @@ RANGE_QUANTILES = (0.0005, 0.9995)
 def fit_mixture(x: FloatArray, y: FloatArray, components: int, seed: int) -> ScaledGmm:
     """Fit a joint mixture to inputs (n, p) and outputs (n, q); the start is k-means, equation (14) is maximised by EM.
 
-    With more than 60 000 samples, EM first runs on that many of them and is then refined on all.
-
-    Args:
-        x: Inputs, shape (n, p).
-        y: Outputs, shape (n, q).
-        seed: Seed of the k-means start; the same samples and seed give the same mixture.
+    With more than 60 000 samples, EM first runs on that many of them and is then refined on all. The same samples and
+    seed give the same mixture.
     """
     samples, scaling = _standardised(x, y)
     if len(samples) <= START_SAMPLES:

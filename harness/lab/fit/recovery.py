@@ -32,10 +32,9 @@ Samples = tuple[FloatArray, FloatArray]
 
 
 def recovery_samples(led: CarFollowing, habit: FloatArray, count: int, rng: np.random.Generator) -> Samples:
-    """Draw samples of windows with leaders, most of them perturbed and labelled with the way back.
+    """Draw samples of windows with leaders, half of them perturbed and labelled with the way back.
 
-    Args:
-        habit: What is known of each window's driver, shape (windows,).
+    ``habit`` is what is known of each window's driver, shape (windows,).
     """
     windows, steps = led.lon_m.shape
     window, step = rng.integers(windows, size=count), rng.integers(steps - 1, size=count)

@@ -54,9 +54,7 @@ Adaptive = tuple[IdmParameters, Adaptation]
 def fit_idm(windows: CarFollowing, seed: int) -> IdmParameters:
     """Fit IDM by differential evolution to the closed-loop position error, each horizon in proportion to its length.
 
-    Args:
-        windows: Training windows; those without a leader are left out.
-        seed: Seed of the choice of windows and of the search.
+    Windows without a leader are left out.
     """
     found = _search(lambda values: intelligent_driver(_driver(values), NO_NOISE), DRIVER_BOUNDS, windows, seed)
     return _driver(found)
@@ -87,11 +85,7 @@ def _deviating(adaptation: Adaptation, deviation: tuple[float, float]) -> Adapta
 
 
 def fit_noise(traffic: Sequence[Cases], fitted: IdmParameters, adaptive: Adaptive) -> dict[str, ProcessNoise]:
-    """Return the noise of each kinematic model.
-
-    Args:
-        traffic: Lane keeping and lane changes of the tuning seeds, each as often as it happens.
-    """
+    """Return the noise of each kinematic model in lane keeping and lane changes, each as often as it happens."""
     fitted_driver, adaptation = adaptive
     rivals: tuple[tuple[MotionModel, FloatArray, FloatArray], ...] = (
         (kinematic("cvm", NO_NOISE), SPEED_DRIVEN, SPEED_DRIVEN),

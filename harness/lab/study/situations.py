@@ -53,14 +53,10 @@ Part = tuple[Recording, Road]
 def situation_rows(
     plan: StudyPlan, parts: Sequence[Part], steps: int, progress: Callable[[], None]
 ) -> list[dict[str, Any]]:
-    """Return a row for each situation, model and horizon.
+    """Return a row for each situation, model and horizon; ``progress`` is called after each situation and model.
 
-    Nothing is measured after the true state at the start. Around a lane change a model does not know that it comes.
-
-    Args:
-        plan: Models, cases of each situation, particles and seed.
-        steps: States of a window.
-        progress: Called after each situation and model.
+    Windows have so many states, ``steps``. Nothing is measured after the true state at the start. Around a lane change
+    a model does not know that it comes.
 
     Raises:
         InputError: The recordings have no situation that lasts so long, or a model is not read from a file.

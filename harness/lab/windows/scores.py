@@ -55,12 +55,7 @@ def score(clouds: Iterable[Cloud], cases: Cases) -> Scores:
 
 
 def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> FloatArray:
-    """Return the continuous ranked probability score of weighted samples, shape (m,).
-
-    Args:
-        values: Samples, shape (m, p).
-        weight: Weights that sum to one in each row, shape (m, p).
-    """
+    """Return the continuous ranked probability score, shape (m,), of samples whose weights sum to one, both (m, p)."""
     order = np.argsort(values, axis=1)
     values, weight = np.take_along_axis(values, order, axis=1), np.take_along_axis(weight, order, axis=1)
     cumulative = np.cumsum(weight, axis=1)
