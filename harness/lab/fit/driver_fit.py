@@ -34,17 +34,10 @@ PROPOSED_CHANGES = 10.0
 def fit_driver(
     windows: CarFollowing, changes_per_s: float, components: int, seed: int, progress: Callable[[str], None]
 ) -> tuple[DriverModel, MixtureFollower]:
-    """Fit the learned driver; its follower is returned beside it."""
-    follower = fit_follower(windows, components, seed, progress)
-    free = _fit_free(taken(windows, ~windows.has_leader))
-    return DriverModel(follower, free, _fit_keeper(windows, changes_per_s)), follower
+    """Fit the learned driver; its follower is returned beside it.
 
-
-def fit_follower(windows: CarFollowing, components: int, seed: int, progress: Callable[[str], None]) -> MixtureFollower:
-    """Fit the learned driver's following mixture and its drivers' habits.
-
-    The mixture is fitted to recovery samples, then once more with what it demonstrated itself. Windows without a leader
-    are left out.
+    The follower's mixture is fitted to recovery samples, then once more with what it demonstrated itself. Windows
+    without a leader are left out of it.
     """
     rng = np.random.default_rng(seed)
     led = windows.led
@@ -56,7 +49,9 @@ def fit_follower(windows: CarFollowing, components: int, seed: int, progress: Ca
     demonstrated = demonstrated_samples(led, habit, first, ROLLOUTS, rng)
     x, y = (np.concatenate(both) for both in zip(samples, demonstrated, strict=True))
     following = fit_mixture(x, y, components, seed)
-    return MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)
+    follower = MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)
+    free = _fit_free(taken(windows, ~windows.has_leader))
+    return DriverModel(follower, free, _fit_keeper(windows, changes_per_s)), follower
 
 
 def short_samples(led: CarFollowing, most: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -71,7 +71,11 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
         "Seeds": first_to_last(seeds),
         "Moments": f"{sum(len(one.moments) for one in maps)} of drivers whom no leader holds",
     }
-    return _write(out, fit_turning(maps), facts)
+    driver, path = fit_turning(maps), out / "turning.toml"
+    lines = [f"{field.name} = {value:.4g}" for field, value in zip(fields(driver), astuple(driver), strict=True)]
+    write_text(path, "\n".join(["# How drivers drive by the map, fitted to the training recordings.", *lines, ""]))
+    write_card(path.with_suffix(".md"), TITLE, facts, [], LIMITS)
+    return path
 
 
 def _recorded(network: Network, seeds: range, cache: Path | None, say: Say) -> DrivenMap:
@@ -99,14 +103,6 @@ def fit_turning(maps: list[DrivenMap]) -> TurningDriver:
     pace = _median("at their pace", [paces])
     spread = STD_PER_ABSOLUTE_DEVIATION * float(np.median(np.abs(paces - pace)))
     return TurningDriver(turning, slowing, looking, strongest, pace, spread)
-
-
-def _write(folder: Path, driver: TurningDriver, facts: dict[str, str]) -> Path:
-    path = folder / "turning.toml"
-    lines = [f"{field.name} = {value:.4g}" for field, value in zip(fields(driver), astuple(driver), strict=True)]
-    write_text(path, "\n".join(["# How drivers drive by the map, fitted to the training recordings.", *lines, ""]))
-    write_card(path.with_suffix(".md"), TITLE, facts, [], LIMITS)
-    return path
 
 
 def _median(what: str, values: list[FloatArray]) -> float:

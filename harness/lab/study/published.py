@@ -12,7 +12,7 @@ import numpy as np
 from harness.common.errors import InputError
 from harness.lab.study.study import COMPLETE, PARTIAL, StudyResult, run_study
 from harness.lab.windows.car_following import load_following
-from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
+from harness.lab.windows.cases import following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
 from harness.lab.windows.filtering import NOISE
 from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, first_to_last, record_traffic
@@ -88,7 +88,12 @@ def make_study(
             f"study {plan.study}: no such study; give {LANE_KEEPING}, {LANE_CHANGE}, situations or ablation"
         )
     models = {name: model_of(plan, name, keeps_lane=plan.study == LANE_KEEPING) for name in plan.model_names}
-    cases = cases_of_plan(plan, network, say)
+    paths = record_traffic(network, plan.traffic, REPORTING_DURATION_S, plan.cache, say)
+    rng = np.random.default_rng([plan.seed, 0])
+    if plan.study == LANE_KEEPING:
+        cases = following_cases(load_following(paths, network.road), plan.cases, rng)
+    else:
+        cases = lane_change_cases(load_changes(paths, network.road), plan.cases, rng)
     result = run_study(
         plan.study,
         cases,
@@ -98,15 +103,6 @@ def make_study(
         progress=progress,
     )
     return result, plan.setting(network, cases.count)
-
-
-def cases_of_plan(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> Cases:
-    """Return a study's cases; their traffic is recorded where it is not yet."""
-    paths = record_traffic(network, plan.traffic, REPORTING_DURATION_S, plan.cache, say)
-    rng = np.random.default_rng([plan.seed, 0])
-    if plan.study == LANE_KEEPING:
-        return following_cases(load_following(paths, network.road), plan.cases, rng)
-    return lane_change_cases(load_changes(paths, network.road), plan.cases, rng)
 
 
 def model_of(plan: StudyPlan, name: str, keeps_lane: bool) -> MotionModel:
