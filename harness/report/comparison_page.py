@@ -25,7 +25,7 @@ from harness.report.grid_runs import BESIDE, plan_of
 from harness.report.page import MOST_SHOWN, PAGE, chart_parts, render, replay_parts, write_run_page
 from harness.report.replay_data import SecondRun
 from harness.running.finished import RecordedRun, read_recorded_run
-from harness.scoring.evidence.rules import TIME_TOLERANCE_S
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M, TIME_TOLERANCE_S
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
@@ -85,9 +85,9 @@ def differences(
 
     Returns:
         A row with ``step``, ``vehicle_id``, ``kind`` and ``side`` for each difference and step: ``UNFOLLOWED`` where
-        only the other follows the vehicle, ``FARTHER`` where both do and this one is more than 1 m farther off, and
-        ``SWITCHED`` for a second after an identity switch that the other does not have in that second. ``side``, 0 or
-        1, is the one that is worse. Sorted by step.
+        only the other follows the vehicle, as the hidden cost counts it, ``FARTHER`` where both do and this one is more
+        than 1 m farther off, and ``SWITCHED`` for a second after an identity switch that the other does not have in
+        that second. ``side``, 0 or 1, is the one that is worse. Sorted by step.
     """
     place = ["step", "vehicle_id"]
     first, second = (_errors(run) for run in (a, b))
@@ -103,15 +103,10 @@ def differences(
 
 
 def _errors(run: RecordedRun) -> pd.DataFrame:
-    errors = run.errors
-    return pd.DataFrame(
-        {
-            "step": errors["step"].to_numpy(),
-            "vehicle_id": errors["vehicle_id"].astype(object).to_numpy(),
-            "followed": (errors["outcome"].astype(object) == "tracked").to_numpy(),
-            "off_m": np.hypot(floats(errors, "lon_error_m"), floats(errors, "lat_error_m")),
-        }
-    )
+    errors = run.errors[["step", "vehicle_id", "outcome"]].astype({"vehicle_id": object, "outcome": object})
+    off_m = np.hypot(floats(run.errors, "lon_error_m"), floats(run.errors, "lat_error_m"))
+    followed = (errors["outcome"] == "tracked") & (off_m < FOLLOW_CUTOFF_M)
+    return errors.drop(columns="outcome").assign(followed=followed, off_m=off_m)
 
 
 def _switches(truth: pd.DataFrame, own: Sequence[TrackFailure], others: Sequence[TrackFailure]) -> pd.DataFrame:

@@ -22,6 +22,7 @@ from harness.report.key_figures import key_figures, key_table
 from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import OVER_TIME, diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
@@ -117,6 +118,7 @@ def run_page(run: RecordedRun) -> str:
 
 
 def replay_parts(
+        "follow_m": FOLLOW_CUTOFF_M,
     run: RecordedRun, beside: SecondRun | None = None, sides: tuple[tuple[str, str], ...] = ()
 ) -> dict[str, object]:
     """Return what the templates of the replay need, perhaps of another tracker too, in a pane of its own.

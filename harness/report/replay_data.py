@@ -13,6 +13,7 @@ import pandas as pd
 import shapely
 
 from harness.running.finished import RecordedRun
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M, OUTCOMES, VISIBILITY_STATES
 from harness.storage.tables import floats
 from mmpf.map.graph_road import LaneGraphRoad
@@ -74,6 +75,7 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         "field_of_view_deg": run.sensor.field_of_view_deg,
         "road": _plane(run.road, run, reach_m) if isinstance(run.road, LaneGraphRoad) else _strips(run),
         "vehicles": _vehicles(kept_truth, codes, names),
+        "follow_m": FOLLOW_CUTOFF_M,
         "truth": _truth(kept_truth, run.errors, codes, steps),
         "detections": _detections(run.detections, steps, run.road),
         "tracks": _tracks(run.tracks, steps),

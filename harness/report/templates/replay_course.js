@@ -211,10 +211,11 @@ function describeVehicle(name, row) {
 }
 
 function fateOf(t, row) {
-  const outcome = data.outcomes[t.outcome[row]];
-  const off = t.error[row] === NO_ERROR ? "" : `, ${(t.error[row] / 100).toFixed(1)} m off`;
+  const outcome = data.outcomes[t.outcome[row]], known = t.error[row] !== NO_ERROR, offM = t.error[row] / 100;
+  const off = known ? `, ${offM.toFixed(1)} m off` : "";
+  const lost = known && offM >= data.follow_m; // a hidden vehicle's track lives on, but is somewhere else
   return {
-    tracked: `followed by track ${t.track[row]}${off}`,
+    tracked: lost ? `its track ${t.track[row]} is elsewhere${off}` : `followed by track ${t.track[row]}${off}`,
     missed: "no track on it",
     lost: "its track was deleted",
     hijacked: `its track ${t.track[row]} is now on another vehicle${off}`,

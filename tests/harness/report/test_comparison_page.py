@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -42,6 +43,12 @@ def test_whom_one_alone_follows_and_who_is_farther_off_by_more_than_a_metre_is_m
 
 
 def test_an_identity_switch_of_one_is_marked_for_a_second_and_one_of_both_is_not(runs):
+def test_a_track_that_is_farther_off_than_the_hidden_cost_counts_follows_nobody(runs):
+    lost, kept = runs
+    off = replace(lost, errors=lost.errors.assign(lon_error_m=10.0 * lost.errors["lon_error_m"]))  # unseen, 30 m
+    assert steps_of(differences(off, kept, ((), ())), UNFOLLOWED, 0) == list(range(LAST_SEEN + 1, NEW_TRACK))
+
+
     switch = TrackFailure(SWITCH, DEATH, "far", 4.3, 2, 3)
     assert steps_of(differences(*runs, ((switch,), ())), SWITCHED, 0) == list(range(43, 54))
     near = TrackFailure(SWITCH, DEATH, "far", 4.8, 5, 6)
