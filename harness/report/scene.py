@@ -41,6 +41,7 @@ VEHICLE_STYLES: dict[int, dict[str, Any]] = {
 VEHICLE_LABELS = {VISIBLE: "visible", PARTIAL: "partly hidden", HIDDEN: "hidden", OUT: "out of range"}
 UNCONFIRMED_ALPHA = 0.5
 MARGIN_M = 2.5
+BEARINGS = 720
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,7 @@ def scene_figure(scene: PictureScene, title: str = "") -> Figure:
         draw_scene(axes, scene, window)
         axes.set_title(name, loc="left", fontsize=9, color="#555555", pad=3)
     figure.axes[0].set_xlabel("")
-    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
-    with_particles = scene.particles is not None
-    figure.legend(handles=legend_entries(with_particles), loc="outside lower center", ncols=6, frameon=False)
-    return figure
+    return _explained(figure, scene, title, 6)
 
 
 def _plane_figure(scene: PictureScene, title: str) -> Figure:
@@ -94,9 +92,14 @@ def _plane_figure(scene: PictureScene, title: str) -> Figure:
     axes.yaxis.set_major_locator(FixedLocator(list(north + axes.get_xticks())))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y - north:.0f}"))
     axes.set(xlabel="metres east of the ego", ylabel="metres north of the ego", ylim=_road_edges(scene))
+    return _explained(figure, scene, title, 4)
+
+
+def _explained(figure: Figure, scene: PictureScene, title: str, columns: int) -> Figure:
+    """Return the figure with its title above and a legend below."""
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     entries = legend_entries(scene.particles is not None)
-    figure.legend(handles=entries, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
     return figure
 
 
@@ -146,20 +149,19 @@ def _draw_ground(axes: Axes, observation: Observation, road: Road, range_m: floa
     """Draw what the sensor can reach and, in it, what it cannot see."""
     ego, detections = observation.scan.ego, observation.scan.detections
     axes.set_facecolor(OUT_OF_SIGHT)
-    reach = np.full(720, range_m)
+    reach = np.full(BEARINGS, range_m)
     if observation.scan.free_space is not None:
         reach = np.where(observation.scan.free_space.range_m > 0.0, range_m, 0.0)
-    bearings = -np.pi + 2.0 * np.pi / len(reach) * (np.arange(len(reach)) + 0.5)
-    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * reach[:, None] + sensor_position(ego, road)
-    axes.add_patch(Polygon(in_road_frame(rim, road, origin), facecolor=SEEN_GROUND, edgecolor="none", zorder=0))
+    rim = view_outline(ego, road, reach, origin)
+    axes.add_patch(Polygon(rim, facecolor=SEEN_GROUND, edgecolor="none", zorder=0))
     shadows = shadow_outlines(detections, ego, road, range_m, origin)
     axes.add_collection(PolyCollection(shadows, facecolor=SHADOW, edgecolor="none", zorder=1), autolim=False)
 
 
-def view_outline(ego: EgoPose, road: Road, range_m: float, origin: float) -> FloatArray:
-    """Return the rim of the sensor's range in the road frame relative to the origin, shape (k, 2)."""
-    bearings = np.linspace(-np.pi, np.pi, 181)
-    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * range_m + sensor_position(ego, road)
+def view_outline(ego: EgoPose, road: Road, reach_m: FloatArray, origin: float) -> FloatArray:
+    """Return the rim of what the sensor reaches, shape (n,) by bearing, in the road frame from the origin, (k, 2)."""
+    bearings = -np.pi + 2.0 * np.pi / len(reach_m) * (np.arange(len(reach_m)) + 0.5)
+    rim = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * reach_m[:, None] + sensor_position(ego, road)
     return in_road_frame(rim, road, origin)
 
 
@@ -215,10 +217,7 @@ def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, floa
                 axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
     for wall in road.walls_near(0.0, 0.0, np.inf):
         axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
-    sides = [(ln.right_m, ln.start_m, ln.end_m) for ln in road.lanes] + [
-        (ln.left_m, ln.start_m, ln.end_m) for ln in road.lanes
-    ]
-    for lat, start, end in sides:
+    for lat, start, end in ((lat, ln.start_m, ln.end_m) for ln in road.lanes for lat in (ln.right_m, ln.left_m)):
         lon = np.clip(np.array([start - origin, end - origin]), *window)
         cuts = np.unique(np.concatenate([lon, [s - origin for ln in road.lanes for s in (ln.start_m, ln.end_m)]]))
         cuts = cuts[(cuts >= lon[0]) & (cuts <= lon[1])]
@@ -233,9 +232,8 @@ def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: f
     patches = []
     for i in range(len(frame)):
         length, width = frame.length_m[i], frame.width_m[i]
-        x, y = frame.lon_m[i] - origin, frame.lat_m[i]
+        corner = (frame.lon_m[i] - origin - length / 2, frame.lat_m[i] - width / 2)
         style = {"facecolor": "black", "edgecolor": "none"} if i == frame.ego else VEHICLE_STYLES[observation.state[i]]
-        corner = (x - length / 2, y - width / 2)
         angle = np.rad2deg(frame.heading_rad[i])
         patches.append(Rectangle(corner, length, width, angle=angle, rotation_point="center", **style))
     axes.add_collection(PatchCollection(patches, match_original=True, zorder=5), autolim=False)

@@ -1,52 +1,12 @@
-"""A run as a video: the road from above, in two rows, ahead of and behind the ego."""
+"""Writes a run as a video; what draws it is loaded only then."""
 
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-from PIL import Image, ImageDraw, ImageFont
-
 from harness.common.errors import InputError
-from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
-from harness.report.scene import OUT_OF_SIGHT, SEEN_GROUND, SHADOW, corners, shadow_outlines, view_outline
-from harness.running.finished import RecordedRun, read_recorded_run
-from harness.running.recorder import detections_of, frame_of
-from harness.running.replay import by_step
-from harness.storage.tables import floats
-from mmpf.numerics.arrays import FloatArray
-from mmpf.scan import EgoPose
-
-WIDTH, HEIGHT = 1280, 720
-# Drawn this many times larger and reduced, so that edges are smooth.
-SMOOTH = 2
-OVERLAP_M, MARGIN_M = 8.0, 2.5
-HEAD, FOOT, GAP = 34, 34, 14
-OUTLINED = {"hidden": VERMILION, "out": "#9a9a9a"}
-FILLED = {"visible": GREEN, "partial": ORANGE}
-LEGEND = (
-    ("visible", GREEN), ("partly hidden", ORANGE), ("hidden", VERMILION), ("ego", "#000000"),
-    ("shadow", SHADOW), ("track, 95 %; thin: taken for hidden", PURPLE),
-)  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _PictureRow:
-    """A stretch of road in the picture, which pixels are ``SMOOTH`` times the film's, from its upper left corner on."""
-
-    draw: ImageDraw.ImageDraw
-    origin_m: tuple[float, float]
-    scale: float
-
-    def place(self, lon_lat: FloatArray) -> list[tuple[float, float]]:
-        """Return road-frame points, shape (n, 2), in the picture."""
-        x = self.scale * (lon_lat[:, 0] - self.origin_m[0])
-        y = self.scale * (self.origin_m[1] - lon_lat[:, 1])
-        return list(zip(x.tolist(), y.tolist(), strict=True))
+from harness.running.finished import read_recorded_run
 
 
 def write_video(folder: Path, path: Path, force: bool = False) -> Path:
@@ -56,22 +16,14 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
         InputError: The folder is no finished run's, or see ``check_film``.
     """
     check_film(path, force)
-    import imageio_ffmpeg  # noqa: PLC0415
+    from harness.report.film import write_film  # noqa: PLC0415
 
     run = read_recorded_run(folder)
     if not run.road.lanes:
         raise InputError("`video`: films show one road from above, and this network has many; see the page's replay")
-    times = np.unique(run.truth["time_s"].to_numpy(dtype=np.float64))
-    rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0
     path.parent.mkdir(parents=True, exist_ok=True)
     pending = path.with_name(f".{path.name}.running.mp4")
-    writer = imageio_ffmpeg.write_frames(str(pending), (WIDTH, HEIGHT), fps=rate, macro_block_size=16, quality=7)
-    writer.send(None)
-    try:
-        for picture in frames(run):
-            writer.send(np.ascontiguousarray(picture))
-    finally:
-        writer.close()
+    write_film(run, pending)
     pending.replace(path)
     return path
 
@@ -89,84 +41,3 @@ def check_film(path: Path, force: bool) -> None:
         raise InputError(f"`video`: {path} exists; choose another file or add `force` to replace it")
     if importlib.util.find_spec("imageio_ffmpeg") is None:
         raise InputError("`video`: needs imageio-ffmpeg; install it with: pip install '.[video]'")
-
-
-def frames(run: RecordedRun) -> Iterator[Image.Image]:
-    """Yield one picture for each step of a run."""
-    tracks, detections = by_step(run.tracks), by_step(run.detections)
-    for step, truth in by_step(run.truth).items():
-        yield draw_frame(run, truth, detections.get(step, run.detections[:0]), tracks.get(step, run.tracks[:0]))
-
-
-def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> Image.Image:
-    """Return the picture of one step."""
-    picture = Image.new("RGB", (SMOOTH * WIDTH, SMOOTH * HEIGHT), "white")
-    ego = int(np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))[0])
-    pose = frame_of(truth).ego_pose
-    reach = run.sensor.range_m + MARGIN_M
-    low = min(lane.right_m for lane in run.road.lanes) - MARGIN_M
-    high = max(lane.left_m for lane in run.road.lanes) + MARGIN_M
-    half = (HEIGHT - HEAD - FOOT - GAP) // 2
-    scale = SMOOTH * min(WIDTH / (reach + OVERLAP_M), half / (high - low))
-    for place, start_m in enumerate((-OVERLAP_M, -reach)):
-        stretch = Image.new("RGB", (SMOOTH * WIDTH, round(scale * (high - low))), OUT_OF_SIGHT)
-        strip = _PictureRow(ImageDraw.Draw(stretch), (pose.lon_m + start_m, high), scale)
-        _draw_ground(strip, run, pose, detections)
-        _draw_road_and_vehicles(strip, run, truth, ego)
-        _draw_detections_and_tracks(strip, detections, tracks)
-        picture.paste(stretch, (0, SMOOTH * (HEAD + place * (half + GAP))))
-    title = f"{run.config.title()}: {floats(truth, 'time_s')[0]:.1f} s   (above: ahead, below: behind)"
-    _draw_words(ImageDraw.Draw(picture), title)
-    return picture.reduce(SMOOTH)
-
-
-def _draw_ground(strip: _PictureRow, run: RecordedRun, pose: EgoPose, detections: pd.DataFrame) -> None:
-    range_m = run.sensor.range_m
-    strip.draw.polygon(strip.place(view_outline(pose, run.road, range_m, 0.0)), fill=SEEN_GROUND)
-    for outline in shadow_outlines(detections_of(detections), pose, run.road, range_m, 0.0):
-        strip.draw.polygon(strip.place(outline), fill=SHADOW)
-
-
-def _draw_road_and_vehicles(strip: _PictureRow, run: RecordedRun, truth: pd.DataFrame, ego: int) -> None:
-    window = strip.origin_m[0] + np.array([0.0, SMOOTH * WIDTH / strip.scale])
-    for lane in run.road.lanes:
-        start, end = np.clip([lane.start_m, lane.end_m], *window)
-        for side in (lane.right_m, lane.left_m):
-            if start < end:
-                strip.draw.line(strip.place(np.array([[start, side], [end, side]])), fill="#a0a0a0", width=SMOOTH)
-    lon, outlines = floats(truth, "lon_m"), corners(truth)
-    states = truth["state"].to_numpy(dtype=object)
-    for i in np.flatnonzero((lon > window[0] - 20.0) & (lon < window[1] + 20.0)):
-        fill = "#000000" if i == ego else FILLED.get(states[i])
-        edge = None if fill else OUTLINED[states[i]]
-        strip.draw.polygon(strip.place(outlines[i]), fill=fill, outline=edge, width=2 * SMOOTH)
-
-
-def _draw_detections_and_tracks(strip: _PictureRow, detections: pd.DataFrame, tracks: pd.DataFrame) -> None:
-    arm = 4 * SMOOTH
-    places = np.stack([floats(detections, "lon_m"), floats(detections, "lat_m")], axis=-1)
-    for x, y in strip.place(places):
-        for slope in (1, -1):
-            strip.draw.line((x - arm, y - slope * arm, x + arm, y + slope * arm), fill="#000000", width=SMOOTH)
-    shown = tracks[(tracks["state"] != "tentative").to_numpy()]
-    places = np.stack([floats(shown, "lon_m"), floats(shown, "lat_m")], axis=-1)
-    sizes = ELLIPSE_SCALE * strip.scale * np.stack([floats(shown, "std_lon_m"), floats(shown, "std_lat_m")], axis=-1)
-    hidden = (shown["state"] == "hidden").to_numpy()
-    font = ImageFont.load_default(11 * SMOOTH)
-    for (x, y), (along, across), dim, number in zip(
-        strip.place(places), sizes.tolist(), hidden, shown["track_id"], strict=True
-    ):
-        strip.draw.ellipse(
-            (x - along, y - across, x + along, y + across), outline=PURPLE, width=SMOOTH if dim else 2 * SMOOTH
-        )
-        above = y - min(max(across, strip.scale), 2.0 * strip.scale)
-        strip.draw.text((x, above), str(number), fill=PURPLE, font=font, anchor="mb")
-
-
-def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
-    draw.text((10 * SMOOTH, 8 * SMOOTH), heading, fill="#222222", font=ImageFont.load_default(16 * SMOOTH))
-    font, x, y = ImageFont.load_default(14 * SMOOTH), 10.0 * SMOOTH, SMOOTH * (HEIGHT - 24)
-    for name, colour in LEGEND:
-        draw.rectangle((x, y, x + 22 * SMOOTH, y + 13 * SMOOTH), fill=colour)
-        draw.text((x + 28 * SMOOTH, y - SMOOTH), name, fill="#222222", font=font)
-        x += 28 * SMOOTH + draw.textlength(name, font=font) + 22 * SMOOTH

@@ -19,6 +19,7 @@ from harness.common.exit_codes import WRONG_INPUT
 from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
+from harness.report.video import write_video
 from harness.running.finished import read_recorded_run
 from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
 from harness.storage.lock import LOCK
@@ -424,13 +425,13 @@ def test_a_format_whose_extra_is_missing_names_it(name, package, extra, folder, 
 @pytest.mark.slow
 def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra video is not installed")
-    from harness.report.video import HEIGHT, WIDTH, write_video  # noqa: PLC0415
+    from harness.report import film as drawn  # noqa: PLC0415
 
     film = write_video(folder, tmp_path / "run.mp4")
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
     assert count == STEPS
     assert seconds == pytest.approx(STEPS * 0.1, abs=0.1)
-    assert next(imageio_ffmpeg.read_frames(str(film)))["size"] == (WIDTH, HEIGHT)
+    assert next(imageio_ffmpeg.read_frames(str(film)))["size"] == (drawn.WIDTH, drawn.HEIGHT)
     with pytest.raises(InputError, match="`force`"):
         write_video(folder, film)
 
