@@ -1,4 +1,4 @@
-"""Numbers as JSON: plain values, and null for what is not finite."""
+"""Numbers as text, and as JSON: plain values, and null for what is not finite."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+
+
+def number(value: float | None, decimals: int, unit: str = "", sign: str = "") -> str:
+    """Return a number with its unit, or a dash for none; the sign ``+`` is written where it is asked for."""
+    return "-" if value is None or math.isnan(value) else f"{value:{sign}.{decimals}f}{unit}"
 
 
 def as_json(metrics: Mapping[str, Any]) -> str:

@@ -113,14 +113,9 @@ def _switches(truth: pd.DataFrame, own: Sequence[TrackFailure], others: Sequence
     """Return the steps within a second after one's identity switches, without those that the other has as well."""
     times = truth.drop_duplicates("step")
     rows: list[tuple[int, str]] = []
-    for failure in own:
-        common = any(
-            each.kind == SWITCH
-            and each.vehicle_id == failure.vehicle_id
-            and abs(each.time_s - failure.time_s) <= SWITCH_SHOWN_S
-            for each in others
-        )
-        if failure.kind != SWITCH or common:
+    for failure in (failure for failure in own if failure.kind == SWITCH):
+        same = (each for each in others if (each.kind, each.vehicle_id) == (SWITCH, failure.vehicle_id))
+        if any(abs(each.time_s - failure.time_s) <= SWITCH_SHOWN_S for each in same):
             continue
         since_s = floats(times, "time_s") - failure.time_s
         shown = (since_s >= -TIME_TOLERANCE_S) & (since_s <= SWITCH_SHOWN_S + TIME_TOLERANCE_S)
@@ -247,10 +242,10 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
     }  # fmt: skip
     y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
     shade: Spec = {"color": colour_by("verdict", lines), "opacity": strength("verdict")}
-    tooltip = tooltip_of(
-        ("metric", "metric"), ("values", "a and b"), ("difference", "b minus a"), ("interval", "95 % interval"),
-        ("pairs", "pairs"), ("verdict", "b is"),
-    )  # fmt: skip
+    change: Spec = {"y": y, "x": {**x, "field": "change"}}
+    point: Spec = {"type": "point", "filled": True}
+    values = (("values", "a and b"), ("difference", "b minus a"), ("interval", "95 % interval"))
+    tooltip = tooltip_of(("metric", "metric"), *values, ("pairs", "pairs"), ("verdict", "b is"))
     return [
         {
             "mark": {"type": "bar", "height": {"band": 0.4}, "color": "var(--line)", "tooltip": None},
@@ -261,12 +256,6 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
             "mark": {"type": "rule", "strokeWidth": 2},
             "encoding": {"y": y, "x": {**x, "field": "low"}, "x2": {"field": "high"}} | shade,
         },
-        {
-            "mark": {"type": "point", "filled": True, "size": 70},
-            "encoding": {"y": y, "x": {**x, "field": "change"}} | shade,
-        },
-        {
-            "mark": {"type": "point", "filled": True, "size": HIT_AREA, "opacity": 0},
-            "encoding": {"y": y, "x": {**x, "field": "change"}, "tooltip": tooltip},
-        },
+        {"mark": point | {"size": 70}, "encoding": change | shade},
+        {"mark": point | {"size": HIT_AREA, "opacity": 0}, "encoding": change | {"tooltip": tooltip}},
     ]

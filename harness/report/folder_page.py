@@ -21,7 +21,7 @@ from harness.common.files import write_text
 from harness.common.untrusted_files import read_text
 from harness.report.grid_runs import runs_of
 from harness.report.html_tables import html_table
-from harness.report.page import PageFigure, chart_parts, embedded, page_of, render, write_run_page
+from harness.report.page import chart_parts, embedded, page_of, render, write_run_page
 from harness.running.finished import labels
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
@@ -134,14 +134,15 @@ def _style_cells(tokens: Sequence[Token]) -> None:
             content.children = [Token("html_inline", "", 0, content=below)]
 
 
-def _figures(folder: Path, without: str | None = None) -> list[PageFigure]:
+def _figures(folder: Path, without: str | None = None) -> list[tuple[str, str]]:
+    """Return a folder's pictures as data addresses, each with what it shows, for those who do not see it."""
     figures, total = [], 0
     for picture in _pictures(folder):
         if without is not None and picture.name.startswith(without):
             continue
         total += picture.stat().st_size
         if total <= MOST_PICTURE_BYTES:
-            figures.append(PageFigure(embedded(picture), picture.stem.replace("_", " ").replace("-", " ")))
+            figures.append((embedded(picture), picture.stem.replace("_", " ").replace("-", " ")))
     return figures
 
 

@@ -18,12 +18,12 @@ from harness.analysis.leading import leading_sentence
 from harness.analysis.rules import compared_quantities
 from harness.common.charts import Charts
 from harness.common.errors import InputError
+from harness.common.numbers import number
 from harness.common.untrusted_files import read_json
 from harness.grid.cells import GridPlan, PlannedRun, command_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.report.html_tables import html_table
 from harness.report.page import PAGE
-from harness.report.summary_text import number
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, KEPT, RUNS
@@ -38,14 +38,6 @@ MOST_LISTED = 2_000
 
 
 @dataclass(frozen=True)
-class CellOfRuns:
-    """The runs of one tracker in one setting: a row a seed, with its scores and its page, or its command."""
-
-    name: str
-    table: Markup
-
-
-@dataclass(frozen=True)
 class RunsOfGrid:
     """What leads from a grid's page to its runs.
 
@@ -54,6 +46,7 @@ class RunsOfGrid:
         about: What was run, in words.
         metric: What the overview shows, with its unit.
         overview: One row a tracker, one column a setting; each value leads to its cell, in the order of ``cells``.
+        cells: Each tracker in each setting, with the table of its runs: a row a seed, with page or command.
         left_out: How many runs are not listed.
         charts: The curves over each axis, by its name in words, whose points lead to the cells; empty where there are
             none.
@@ -63,7 +56,7 @@ class RunsOfGrid:
     about: str
     metric: str
     overview: Markup
-    cells: tuple[CellOfRuns, ...]
+    cells: tuple[tuple[str, Markup], ...]
     left_out: int
     charts: Mapping[str, Charts]
 
@@ -83,7 +76,7 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
         key=lambda each: (each[0], nets.index(each[3].config.traffic.net), _order(each[3]), each[1]),
     )
     listed = placed[:MOST_LISTED]
-    cells: list[CellOfRuns] = []
+    cells: list[tuple[str, Markup]] = []
     links: dict[tuple[str, str], Markup] = {}
     cell_of: list[int | None] = [None] * len(placed)
     beside = {run.key: cell.runs[0] for cell in grid.cells for run in cell.runs[1:]}
@@ -95,7 +88,7 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
         for place, _ in runs:
             cell_of[place] = cell
         headings = ["seed", *(quantity.heading or quantity.label for quantity in shown), "run"]
-        cells.append(CellOfRuns(f"{tracker}, {setting}", html_table(headings, rows)))
+        cells.append((f"{tracker}, {setting}", html_table(headings, rows)))
     order = {setting: (nets.index(run.config.traffic.net), _order(run)) for _, setting, _, run in listed}
     settings = sorted(order, key=lambda setting: order[setting])
     trackers = list(dict.fromkeys(tracker for tracker, _ in links))

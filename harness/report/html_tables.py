@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
@@ -11,8 +10,8 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
 
-from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, mot_columns, mot_value, other_scores
-from harness.report.summary_text import number, out_of
+from harness.common.numbers import number
+from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, followed, mot_columns, mot_value, other_scores
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage.tables import floats
 
@@ -41,11 +40,7 @@ def error_table(mae: Mapping[str, Any]) -> Markup:
     """Return the mean errors by visibility with their intervals and the share of vehicle-steps that they are over."""
     columns = (("position_m", "position, m"), *MAE_COLUMNS)
     rows = [
-        [
-            name,
-            *(_with_interval(mae[state], key) for key, _ in columns),
-            out_of(number(mae[state].get("followed_percent"), 0, " %"), mae[state].get("of_n")),
-        ]
+        [name, *(_with_interval(mae[state], key) for key, _ in columns), followed(mae[state])]
         for state, name in VISIBILITY_ROWS
     ]
     return html_table(["vehicles", *(heading for _, heading in columns), "followed"], rows)
@@ -90,20 +85,11 @@ HEADINGS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class VehicleTable:
-    """The table of vehicles, the costliest first; names lead to their worst moments in the replay.
+def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> tuple[Markup, int] | None:
+    """Return the vehicles of ``errors.parquet``, the costliest first, and how many are left out; None if there is none.
 
-    ``cutoff_m`` is what a hidden vehicle costs whose own track does not follow it; ``left_out`` are not listed.
+    Names lead to their worst moments in the replay; failures are counted from the rows of ``occlusions.parquet``.
     """
-
-    table: Markup
-    left_out: int
-    cutoff_m: float
-
-
-def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> VehicleTable | None:
-    """Return the table from the rows of ``errors.parquet`` and ``occlusions.parquet``; None if nobody was detected."""
     if not len(errors):
         return None
     failures = events.loc[events["outcome"].isin(["lost", "hijacked"]), "vehicle_id"].astype(object).value_counts()
@@ -113,7 +99,7 @@ def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> 
     ]
     rows.sort(key=lambda row: -row[0])
     table = html_table(HEADINGS, [cells for _, cells in rows[:MOST_ROWS]])
-    return VehicleTable(table, max(0, len(rows) - MOST_ROWS), FOLLOW_CUTOFF_M)
+    return table, max(0, len(rows) - MOST_ROWS)
 
 
 def _steps(errors: pd.DataFrame) -> pd.DataFrame:

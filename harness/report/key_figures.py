@@ -11,8 +11,9 @@ from markupsafe import Markup
 
 from harness.common.effects import LEVEL
 from harness.common.intervals import clopper_pearson, garwood
+from harness.common.numbers import number
 from harness.report.html_tables import below, html_table
-from harness.report.summary_text import FEWEST_EVENTS, FEWEST_KM, FEWEST_SAMPLES, decided, driven, number
+from harness.report.summary_text import FEWEST_EVENTS, FEWEST_KM, FEWEST_SAMPLES, decided, driven
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M, IN_SIGHT_DETECTIONS, IN_SIGHT_S, PLAIN_VIEW_M, PLAIN_VIEW_S
 from harness.storage.tables import floats

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -22,8 +21,8 @@ from harness.report.key_figures import key_figures, key_table
 from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import OVER_TIME, diagnostics_charts, diagnostics_of, error_charts, visibility_charts
 from harness.report.summary_text import decision_summary, setting_sentence, summary_sentences
-from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.running.finished import RecordedRun, read_recorded_run
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 
@@ -42,14 +41,6 @@ TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 OVER_TIME_WORDS = "Mean absolute error over time for visible, partly hidden and hidden vehicles"
-
-
-@dataclass(frozen=True)
-class PageFigure:
-    """A picture on a page, as a data address, and what it shows, for those who do not see it."""
-
-    source: str
-    description: str
 
 
 def write_run_page(folder: Path) -> Path:
@@ -101,7 +92,7 @@ def run_page(run: RecordedRun) -> str:
         decisions=decision_summary(run.metrics),
         brakings=brakings_of(run),
         lost=int(run.events["outcome"].isin(["lost", "hijacked"]).sum()),
-        figures=[] if run.whole or not drawn.is_file() else [PageFigure(embedded(drawn), OVER_TIME_WORDS)],
+        figures=[] if run.whole or not drawn.is_file() else [(embedded(drawn), OVER_TIME_WORDS)],
         error_table=error_table(run.metrics["mae"]),
         hidden_table=hidden_table(run.metrics["mae"]),
         mot_table=mot_table(run.metrics),
@@ -118,7 +109,6 @@ def run_page(run: RecordedRun) -> str:
 
 
 def replay_parts(
-        "follow_m": FOLLOW_CUTOFF_M,
     run: RecordedRun, beside: SecondRun | None = None, sides: tuple[tuple[str, str], ...] = ()
 ) -> dict[str, object]:
     """Return what the templates of the replay need, perhaps of another tracker too, in a pane of its own.
@@ -128,6 +118,7 @@ def replay_parts(
     runs = (run,) if beside is None else (run, beside.run)
     return {
         "sides": sides,
+        "follow_m": FOLLOW_CUTOFF_M,
         "differ": beside is not None and beside.opens_at is not None,
         "has_particles": any(each.particles is not None for each in runs),
         "has_unseen": any(each.unseen is not None and len(each.unseen) for each in runs),

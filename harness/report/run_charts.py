@@ -9,10 +9,11 @@ import numpy as np
 import pandas as pd
 
 from harness.common.charts import Charts, curves, lines_of
+from harness.common.numbers import number
 from harness.running.finished import RecordedRun
 from harness.storage import run_folder as runfolder
 from harness.storage.tables import floats
-from mmpf.numerics.arrays import FloatArray, IntArray
+from mmpf.numerics.arrays import FloatArray
 
 NAMES = {"visible": "visible", "partial": "partly hidden", "hidden": "hidden"}
 LINES = tuple((name, f"var(--{state})") for state, name in NAMES.items())
@@ -57,10 +58,8 @@ def visibility_charts(mae: Mapping[str, Any]) -> Charts:
     charts = []
     for _, key, label in ERROR_COLUMNS:
         rows = [_state(state, mae[state], key) for state in NAMES if (mae.get(state) or {}).get(key) is not None]
-        tooltip = (
-            ("series", "vehicles"), ("value", label), ("interval", "95 % interval over vehicles"),
-            ("followed", "followed"), ("n", "samples"),
-        )  # fmt: skip
+        interval = ("interval", "95 % interval over vehicles")
+        tooltip = (("series", "vehicles"), ("value", label), interval, ("followed", "followed"), ("n", "samples"))
         description = f"Mean absolute error of {label}, for visible, partly hidden and hidden vehicles"
         if rows:
             charts.append(curves(label, description, "vehicles", rows, LINES, tooltip))
@@ -84,16 +83,10 @@ def diagnostics_charts(diagnostics: pd.DataFrame) -> Charts:
     levels = [(title, scale * floats(diagnostics, name)) for name, title, scale in LEVELS]
     shown = [(title, _levels(diagnostics, "mean", level, width_s)) for title, level in levels]
     rates = [row for name in events for row in _levels(later, name, floats(later, name) / step_s, width_s, band=False)]
+    tooltip = (("series", "what"), ("stretch", "time"), ("value", "mean"), ("range", "least to greatest step"))
+    marks = _new_egos(diagnostics)
     charts = [
-        curves(
-            title,
-            f"{title}, over time",
-            "time, s",
-            rows,
-            lines,
-            (("series", "what"), ("stretch", "time"), ("value", "mean"), ("range", "least to greatest step")),
-            marks=_new_egos(diagnostics),
-        )
+        curves(title, f"{title}, over time", "time, s", rows, lines, tooltip, marks=marks)
         for title, rows in (*shown, ("Events a second, without the first scan", rates))
         if rows
     ]
@@ -109,50 +102,53 @@ def _new_egos(steps: pd.DataFrame) -> list[tuple[float, str]]:
 def _levels(
     table: pd.DataFrame, series: str, values: FloatArray, width_s: float, band: bool = True
 ) -> list[dict[str, Any]]:
-    stretch = (table["time_s"].to_numpy(dtype=np.float64) / width_s + 1e-9).astype(np.int64)
-    groups = pd.Series(values).groupby(stretch).agg(["mean", "min", "max"])
-    return [
-        {
-            "series": series, "place": round((number + 0.5) * width_s, 3), "mean": mean,
-            "low": low if band else None, "high": high if band else None,
-            "value": f"{mean:.3g}", "range": f"{low:.3g} to {high:.3g}", "at": round((number + 0.5) * width_s, 1),
-            "stretch": f"{number * width_s:.1f} to {(number + 1) * width_s:.1f} s",
-        }
-        for number, (mean, low, high) in zip(groups.index.tolist(), groups.to_numpy().tolist(), strict=True)
-    ]  # fmt: skip
+    points = _in_stretches(table, series, values, width_s, ".3g")
+    points["range"] = [f"{low:.3g} to {high:.3g}" for low, high in zip(points["low"], points["high"], strict=True)]
+    return _records(points, without=["n"] if band else ["n", "low", "high"])
 
 
 def _over_time(table: pd.DataFrame, state: str, column: str, width_s: float) -> list[dict[str, Any]]:
-    times, means, counts = means_over_time(table[table["state"] == state], column, width_s)
+    rows = table[table["state"] == state]
+    points = _in_stretches(rows, NAMES[state], np.abs(floats(rows, column)), width_s, ".2f")
+    points = points[points["n"] >= FEWEST_SAMPLES]
     # A gap splits the line: points on its two sides belong to different pieces.
-    piece = np.cumsum(~np.isfinite(means))
-    return [
-        {
-            "series": NAMES[state], "place": round(float(times[k]), 3), "mean": float(means[k]),
-            "value": f"{means[k]:.2f}", "n": str(counts[k]), "piece": int(piece[k]), "at": round(float(times[k]), 1),
-            "stretch": f"{times[k] - width_s / 2:.1f} to {times[k] + width_s / 2:.1f} s",
-        }
-        for k in np.flatnonzero(np.isfinite(means))
-    ]  # fmt: skip
+    points = points.assign(piece=points.index - np.arange(len(points)), n=points["n"].astype(str))
+    return _records(points, without=["low", "high"])
 
 
-def means_over_time(rows: pd.DataFrame, column: str, width_s: float) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return the middle of each stretch of time, the mean absolute value in it, nan with too few samples, and these."""
-    stretch = (rows["time_s"].to_numpy(dtype=np.float64) / width_s + 1e-9).astype(np.int64)
-    count = np.bincount(stretch)
-    total = np.bincount(stretch, weights=np.abs(rows[column].to_numpy(dtype=np.float64)))
-    means = np.where(count >= FEWEST_SAMPLES, total / np.maximum(count, 1), np.nan)
-    return (np.arange(len(count), dtype=np.float64) + 0.5) * width_s, means.astype(np.float64), count
+def _in_stretches(rows: pd.DataFrame, series: str, values: FloatArray, width_s: float, digits: str) -> pd.DataFrame:
+    """Return the points of a line: mean, least and greatest value and number of samples of each stretch of time."""
+    stretch = (floats(rows, "time_s") / width_s + 1e-9).astype(np.int64)
+    points = pd.Series(values).groupby(stretch).agg(["mean", "min", "max", "size"])
+    middle_s = (points.index.to_numpy() + 0.5) * width_s
+    return points.set_axis(["mean", "low", "high", "n"], axis=1).assign(
+        series=series,
+        place=middle_s.round(3),
+        at=middle_s.round(1),
+        value=[f"{mean:{digits}}" for mean in points["mean"]],
+        stretch=[f"{number * width_s:.1f} to {(number + 1) * width_s:.1f} s" for number in points.index],
+    )
+
+
+def _records(points: pd.DataFrame, without: list[str]) -> list[dict[str, Any]]:
+    rows = points.drop(columns=without).to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]
 
 
 def _state(state: str, row: Mapping[str, Any], key: str) -> dict[str, Any]:
     low, high = row.get(f"{key}_ci95") or (None, None)
     share, name = row.get("followed_percent"), NAMES[state]
     return {
-        "series": name, "place": name, "mean": row[key], "low": low, "high": high, "value": f"{row[key]:.2f}",
-        "interval": "none" if low is None else f"{low:.2f} to {high:.2f}", "n": str(row.get("n") or 0),
-        "followed": "-" if share is None else f"{share:.0f} %",
-    }  # fmt: skip
+        "series": name,
+        "place": name,
+        "mean": row[key],
+        "low": low,
+        "high": high,
+        "value": number(row[key], 2),
+        "interval": "none" if low is None else f"{low:.2f} to {high:.2f}",
+        "n": str(row.get("n") or 0),
+        "followed": number(share, 0, " %"),
+    }
 
 
 def _stretch_s(duration_s: float) -> float:

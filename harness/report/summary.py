@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,16 +12,16 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.report.summary_text import decision_sentence, number, out_of, traffic_source
+from harness.common.numbers import number
+from harness.report.summary_text import decision_sentence, out_of, traffic_source
 from harness.scoring.metrics.decisions import KM
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.truth.network.network import NetworkDescription
 
 VISIBILITY_ROWS = (("visible", "visible"), ("partial", "partly hidden"), ("hidden", "hidden"), ("all", "all"))
-MAE_COLUMNS = (
-    ("lon_m", "lon, m"), ("lat_m", "lat, m"), ("speed_mps", "speed, m/s"), ("lat_speed_mps", "lat speed, m/s"),
-)  # fmt: skip
+POSITION_COLUMNS = (("lon_m", "lon, m"), ("lat_m", "lat, m"))
+MAE_COLUMNS = (*POSITION_COLUMNS, ("speed_mps", "speed, m/s"), ("lat_speed_mps", "lat speed, m/s"))
 MOT = "mot."
 BESIDE = ("in_plain_view.recall", "in_plain_view.worst_tenth")
 """What stands beside the multi-object scores of the vehicles in sight."""
@@ -93,7 +93,7 @@ def print_summary(metrics: Mapping[str, Any], folder: Path, *, is_log: bool = Fa
             Text(f"\n{title} · seed {run['seed']}", style="bold"),
             _error_table(metrics["mae"]),
             _mot_table(metrics),
-            _score_table(metrics),
+            _table("Hidden vehicles", ("score", "value", "better", "samples"), other_scores(metrics, PRINTED)),
             _lines(metrics, is_log),
             Text(f"Results: {folder}", style="bold"),
             Text(f"Open in a browser: {folder / 'report.html'}"),
@@ -116,38 +116,32 @@ def print_networks(networks: Sequence[NetworkDescription]) -> None:
     Console(highlight=False).print(table)
 
 
-def _table(title: str, first: str, *others: str) -> Table:
+def _table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     table = Table(title=title, box=box.SIMPLE, title_justify="left", padding=(0, 1, 0, 0))
-    table.add_column(first, no_wrap=True)
-    for heading in others:
+    table.add_column(headings[0], no_wrap=True)
+    for heading in headings[1:]:
         table.add_column(heading, justify="left" if heading == "better" else "right")
+    for row in rows:
+        table.add_row(*row)
     return table
+
+
+def followed(row: Mapping[str, Any]) -> str:
+    """Return the share of vehicle-steps that the errors of a row of ``mae`` are over, and their number."""
+    return out_of(number(row.get("followed_percent"), 0, " %"), row.get("of_n"))
 
 
 def _error_table(mae: Mapping[str, Any]) -> Table:
     title = "Mean absolute error of followed vehicles, along (lon) and across (lat) the road"
-    table = _table(title, "vehicles", *(heading for _, heading in MAE_COLUMNS), "followed")
-    for key, name in VISIBILITY_ROWS:
-        row = mae[key]
-        errors = (number(row.get(quantity), 2) for quantity, _ in MAE_COLUMNS)
-        table.add_row(name, *errors, out_of(number(row.get("followed_percent"), 0, " %"), row.get("of_n")))
-    return table
+    named = [(name, mae[key]) for key, name in VISIBILITY_ROWS]
+    rows = [[name, *(number(row.get(key), 2) for key, _ in MAE_COLUMNS), followed(row)] for name, row in named]
+    return _table(title, ["vehicles", *(heading for _, heading in MAE_COLUMNS), "followed"], rows)
 
 
 def _mot_table(metrics: Mapping[str, Any]) -> Table:
-    title = "Tracks against truth"
-    table = _table(title, "score", "in sight", "detected in last 10 s")
-    for column in mot_columns():
-        if column.key not in BESIDE:
-            table.add_row(column.heading, *(mot_value(metrics, vehicles, column) for vehicles in ("mot", "mot_all")))
-    return table
-
-
-def _score_table(metrics: Mapping[str, Any]) -> Table:
-    table = _table("Hidden vehicles", "score", "value", "better", "samples")
-    for row in other_scores(metrics, PRINTED):
-        table.add_row(*row)
-    return table
+    columns = [column for column in mot_columns() if column.key not in BESIDE]
+    rows = [[column.heading, *(mot_value(metrics, of, column) for of in ("mot", "mot_all"))] for column in columns]
+    return _table("Tracks against truth", ("score", "in sight", "detected in last 10 s"), rows)
 
 
 def _lines(metrics: Mapping[str, Any], is_log: bool) -> Text:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
+from harness.common.numbers import number
 from harness.truth.frame import ROAD_OF_RECORDING
 
 Metrics = Mapping[str, Any]
@@ -149,11 +149,6 @@ def _none(count: int, what: str) -> str:
 
 def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
-
-
-def number(value: float | None, decimals: int, unit: str = "") -> str:
-    """Return a number with its unit, or a dash for none."""
-    return "-" if value is None or math.isnan(value) else f"{value:.{decimals}f}{unit}"
 
 
 def out_of(part: str, total: float | None) -> str:
