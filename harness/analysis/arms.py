@@ -148,8 +148,8 @@ def pair(a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> Pairing:
         every, one = np.arange(len(common)), np.zeros(len(common), dtype=np.int64)
         units, strata = (every, every), (one, one)
     lacking = (
-        _lacking("b", "a", a, sorted(set(range(len(a))) - set(of_a)), [*settings, *recorded], bool(common)),
-        _lacking("a", "b", b, sorted(set(range(len(b))) - set(of_b)), [*settings, *recorded], bool(common)),
+        _lacking("b", "a", a, of_a, [*settings, *recorded], bool(common)),
+        _lacking("a", "b", b, of_b, [*settings, *recorded], bool(common)),
     )
     return Pairing(
         of_a=of_a,
@@ -160,30 +160,24 @@ def pair(a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> Pairing:
     )
 
 
-def _lacking(side: str, other: str, runs: pd.DataFrame, places: list[int], settings: list[str], paired: bool) -> str:
+def _lacking(side: str, other: str, runs: pd.DataFrame, shared: IntArray, settings: list[str], paired: bool) -> str:
     """Return which of the other side's runs a side lacks, by setting; empty where none."""
-    if not places:
-        return ""
+    lost = runs.iloc[np.setdiff1d(np.arange(len(runs)), shared)]
     told = []
-    for _, rows in runs.iloc[places].groupby(settings, dropna=False, sort=False):
-        values = rows[settings].iloc[0].dropna()
-        where = ", ".join(
-            f"{key} {value:g}" if isinstance(value, float) else str(value) for key, value in values.items()
-        )
+    for _, rows in lost.groupby(settings, dropna=False, sort=False):
+        values = rows[settings].iloc[0].dropna().items()
+        where = ", ".join(f"{key} {value:g}" if isinstance(value, float) else str(value) for key, value in values)
         told.append(f"{where}: {_spans(rows['seed'].tolist())}" if paired else where)
     more = f"; and {len(told) - MOST_LISTED} more settings" if len(told) > MOST_LISTED else ""
-    return f"{side} lacks {len(places)} of the {len(runs)} runs of {other} ({'; '.join(told[:MOST_LISTED])}{more})."
+    listed = f"{'; '.join(told[:MOST_LISTED])}{more}"
+    return f"{side} lacks {len(lost)} of the {len(runs)} runs of {other} ({listed})." if told else ""
 
 
 def _spans(seeds: list[int]) -> str:
     """Return seeds as text, with consecutive ones as first to last."""
-    spans: list[list[int]] = []
-    for seed in sorted(seeds):
-        if spans and seed == spans[-1][1] + 1:
-            spans[-1][1] = seed
-        else:
-            spans.append([seed, seed])
-    words = ", ".join(f"{first} to {last}" if last > first else str(first) for first, last in spans)
+    ordered = np.sort(seeds)
+    spans = np.split(ordered, np.flatnonzero(np.diff(ordered) != 1) + 1)
+    words = ", ".join(f"{span[0]} to {span[-1]}" if len(span) > 1 else str(span[0]) for span in spans)
     return f"seed{'s' if len(seeds) > 1 else ''} {words}"
 
 

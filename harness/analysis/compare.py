@@ -280,17 +280,12 @@ def _step_times(a: pd.DataFrame, b: pd.DataFrame) -> list[FloatArray]:
 
 def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
     """Warn where the errors of hidden vehicles cover only those that a tracker kept."""
-
-    def labels(metrics: tuple[str, ...], ends: tuple[bool, bool]) -> set[str]:
-        falls = [each for each in verdicts if tuple(end < 0.0 for end in each.ci95) == ends]
-        return {each.label for each in falls if each.metric in metrics}
-
-    falling = (True, True)
-    return [
-        f"{label}: errors of hidden vehicles are over those still followed; b follows fewer, so its smaller errors are "
-        "no gain."
-        for label in sorted(labels((single.FOLLOWED,), falling) & labels(HIDDEN, falling))
-    ]
+    fallen = {(each.label, each.metric) for each in verdicts if each.ci95[1] < 0.0}
+    told = (
+        "errors of hidden vehicles are over those still followed; b follows fewer, so its smaller errors are no gain."
+    )
+    smaller = {label for label, metric in fallen if metric in HIDDEN}
+    return [f"{label}: {told}" for label in sorted(smaller) if (label, single.FOLLOWED) in fallen]
 
 
 def _some(names: list[str]) -> str:

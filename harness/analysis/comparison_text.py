@@ -16,6 +16,7 @@ from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WOR
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, link_to, moment_of
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
+from harness.common.numbers import number
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")
@@ -179,23 +180,17 @@ def cells(verdict: Verdict) -> list[str]:
     """Return a verdict's row below ``HEADINGS``."""
     quantity = quantity_of(verdict.metric)
     decimals = quantity.decimals + 1
-    low, high = (_number(end, decimals, True) for end in verdict.ci95)
+    low, high = (number(end, decimals, sign="+") for end in verdict.ci95)
     return [
         quantity.label,
-        _number(verdict.a, decimals),
-        _number(verdict.b, decimals),
-        _number(verdict.difference, decimals, True) + _percent(verdict),
+        number(verdict.a, decimals),
+        number(verdict.b, decimals),
+        number(verdict.difference, decimals, sign="+") + _percent(verdict),
         "-" if math.isnan(verdict.ci95[0]) else f"{low} to {high}",
-        "-" if math.isnan(verdict.p) else f"{verdict.p:.3f}",
+        number(verdict.p, 3),
         str(verdict.pairs),
         verdict.verdict,
     ]
-
-
-def _number(value: float, decimals: int, signed: bool = False) -> str:
-    if math.isnan(value):
-        return "-"
-    return f"{value:+.{decimals}f}" if signed else f"{value:.{decimals}f}"
 
 
 def _percent(verdict: Verdict) -> str:

@@ -63,22 +63,12 @@ def curve_charts(points: Sequence[Point], axis: str, leads: Mapping[Where, list[
         ]
         if rows:
             broken = quantity.key == BREAK_METRIC and axis == "density"
-            tooltip = (
-                ("series", "tracker"), ("place", heading), ("value", quantity.label), ("interval", "95 % interval"),
-                ("seeds", "seeds"),
-            )  # fmt: skip
-            charts.append(
-                curves(
-                    quantity.label,
-                    f"{quantity.label}, over {heading}, one line a tracker",
-                    heading,
-                    rows,
-                    lines,
-                    tooltip,
-                    (BREAK_PERCENT, "a tracker below this is broken") if broken else None,
-                    better="higher is better" if quantity.higher_is_better else "lower is better",
-                )
-            )
+            limit = (BREAK_PERCENT, "a tracker below this is broken") if broken else None
+            told = (("value", quantity.label), ("interval", "95 % interval"), ("seeds", "seeds"))
+            tooltip = (("series", "tracker"), ("place", heading), *told)
+            description = f"{quantity.label}, over {heading}, one line a tracker"
+            better = "higher is better" if quantity.higher_is_better else "lower is better"
+            charts.append(curves(quantity.label, description, heading, rows, lines, tooltip, limit, better=better))
     return Charts(tuple(charts), lines, NOTE, HINT)
 
 
@@ -87,6 +77,13 @@ def _row(point: Point, quantity: Quantity, cells: list[int]) -> dict[str, Any]:
     low, high = point.ci95 or (None, None)
     interval = f"{low:.{decimals}f} to {high:.{decimals}f}" if point.ci95 is not None else "none from one seed"
     return {
-        "series": point.label, "place": point.value, "mean": point.mean, "low": low, "high": high,
-        "value": f"{point.mean:.{decimals}f}", "interval": interval, "seeds": str(point.seeds), "cells": cells,
-    }  # fmt: skip
+        "series": point.label,
+        "place": point.value,
+        "mean": point.mean,
+        "low": low,
+        "high": high,
+        "value": f"{point.mean:.{decimals}f}",
+        "interval": interval,
+        "seeds": str(point.seeds),
+        "cells": cells,
+    }

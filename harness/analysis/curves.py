@@ -263,18 +263,15 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
 def _crossings(densities: FloatArray, sums: FloatArray, counts: FloatArray) -> FloatArray:
     """Return where each row's share first falls below the limit; infinite where it never does, shape (rows,)."""
     shares = np.divide(sums, counts, out=np.full_like(sums, np.inf), where=counts > 0.0)
-    crossings = np.full(len(shares), np.inf)
-    for row, share in enumerate(shares):
-        below = np.flatnonzero(share < BREAK_PERCENT)
-        if not len(below):
-            continue
-        first = below[0]
-        crossings[row] = densities[first]
-        if first and np.isfinite(share[first - 1]):
-            before, after = share[first - 1], share[first]
-            part = (before - BREAK_PERCENT) / (before - after)
-            crossings[row] = densities[first - 1] + part * (densities[first] - densities[first - 1])
-    return crossings
+    below = shares < BREAK_PERCENT
+    first = below.argmax(axis=1)
+    earlier = np.maximum(first - 1, 0)
+    before, after = (np.take_along_axis(shares, place[:, None], axis=1)[:, 0] for place in (earlier, first))
+    # Without a share just before, the curve falls at the first density with a share below the limit.
+    between = np.isfinite(before) & (first > 0)
+    fall = np.where(between, before - np.where(between, after, 0.0), 1.0)
+    part = np.where(between, (before - BREAK_PERCENT) / fall, 1.0)
+    return np.where(below.any(axis=1), densities[earlier] + part * (densities[first] - densities[earlier]), np.inf)
 
 
 def _finite(value: float) -> float | None:

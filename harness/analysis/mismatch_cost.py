@@ -10,6 +10,7 @@ import pandas as pd
 
 from harness.common.intervals import ANY, Possible, possible_ci
 from harness.common.markdown import markdown_table
+from harness.common.numbers import number
 from harness.config.model import TrafficConfig
 from harness.storage.schema import AS_IS, DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from mmpf.options.base import fields_of
@@ -175,13 +176,13 @@ def _cells(cost: Cost) -> list[str]:
         cost.mismatch,
         _points(cost.hota, cost.hota_ci95),
         "" if cost.mismatch == AS_IS else _points(cost.hota_loss, cost.hota_loss_ci95),
-        _number(cost.id_switches, 1),
-        _number(cost.recall, 1, " %"),
-        _number(cost.worst_tenth, 1, " %"),
-        _number(cost.missed, 0),
-        _number(cost.hidden_cost_m, 2),
-        _number(cost.false_tracks_per_scan, 2),
-        _number(cost.coverage95_lon, 0, " %"),
+        number(cost.id_switches, 1),
+        number(cost.recall, 1, " %"),
+        number(cost.worst_tenth, 1, " %"),
+        number(cost.missed, 0),
+        number(cost.hidden_cost_m, 2),
+        number(cost.false_tracks_per_scan, 2),
+        number(cost.coverage95_lon, 0, " %"),
         str(cost.runs),
     ]
 
@@ -193,9 +194,5 @@ def _interval(values: pd.Series[float], possible: Possible = ANY) -> tuple[float
 
 
 def _points(value: float, ends: tuple[float, float]) -> str:
-    told = _number(value, 1)
+    told = number(value, 1)
     return f"{told} [{ends[0]:.1f}, {ends[1]:.1f}]" if np.isfinite(ends[0]) else told
-
-
-def _number(value: float, decimals: int, unit: str = "") -> str:
-    return f"{value:.{decimals}f}{unit}" if np.isfinite(value) else "-"

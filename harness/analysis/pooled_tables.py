@@ -105,12 +105,8 @@ def hidden_charts(pooled: Pooled) -> Charts:
         if error.to_s is None or not error.n:
             continue
         low, high = error.lon_m_ci95 or (None, None)
-        rows.append(
-            {
-                "series": error.tracker, "place": 0.5 * (error.from_s + error.to_s), "mean": error.lon_m,
-                "low": low, "high": high, "value": f"{error.lon_m:.2f}",
-            }
-        )  # fmt: skip
+        row = {"series": error.tracker, "place": 0.5 * (error.from_s + error.to_s), "mean": error.lon_m}
+        rows.append(row | {"low": low, "high": high, "value": f"{error.lon_m:.2f}"})
     title, x = "MAE of longitudinal position while followed, m", "time since the last detection, s"
     tooltip = (("series", "tracker"), ("place", x), ("value", title))
     charts = [curves(title, f"{title}, over the {x}", x, rows, lines, tooltip)] if rows else []

@@ -147,13 +147,7 @@ class Gate(BaseModel):
     metrics: dict[str, Limit] = Field(default_factory=dict)
 
     def rules(self, tolerance: float | None, time_tolerance: float | None, primary: tuple[str, ...] | None) -> Rules:
-        """Return the rules of a comparison.
-
-        Args:
-            tolerance: Goes before that of the file; None for that.
-            time_tolerance: Likewise.
-            primary: Likewise, of the metrics that are judged.
-        """
+        """Return the rules of a comparison; what is given goes before the file, None for what the file says."""
         return Rules(
             self.tolerance if tolerance is None else tolerance,
             self.time_tolerance if time_tolerance is None else time_tolerance,

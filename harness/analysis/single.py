@@ -69,20 +69,18 @@ def compare_runs(
 
     def measured(quantity: Quantity) -> MetricDifference:
         whole = [column_of(side.rows, quantity.key) for side in (a, b)]
+        of_a, of_b = (float(values[0]) for values in whole)
         there, tolerated = np.isfinite(whole), 0.0 if rules.judges(quantity) else TOLERATED_LOSS
         if wanting := lost_values(there[0], there[1], True, tolerated):
-            return MetricDifference(label, quantity, float(whole[0][0]), float(whole[1][0]), NOTHING, 0, False, wanting)
+            return MetricDifference(label, quantity, of_a, of_b, NOTHING, 0, False, wanting)
         if quantity.key in BY_VEHICLE:
             sides = [BY_VEHICLE[quantity.key](evidence, vehicles) for evidence in (first, second)]
             return _of_sides(label, quantity, sides, near)
         table, state, *name = quantity.key.split(".")
         if table == "mae" and name[0] in ERROR_COLUMNS:
             return _of_sides(label, quantity, _errors(pairs, state, ERROR_COLUMNS[name[0]], vehicles), near)
-        effect = Effect(float(whole[1][0] - whole[0][0]), np.nan, 1.0)
-        number = int(np.isfinite(effect.difference))
-        return MetricDifference(
-            label, quantity, float(whole[0][0]), float(whole[1][0]), effect, number, effect.difference == 0.0
-        )
+        effect = Effect(of_b - of_a, np.nan, 1.0)
+        return MetricDifference(label, quantity, of_a, of_b, effect, int(there.all()), of_b == of_a)
 
     why = Why(tuple(failures(first)), tuple(failures(second)), str(a.folder), str(b.folder))
     return [measured(quantity) for quantity in compared_quantities(rules.primary)], why
