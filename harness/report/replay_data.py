@@ -26,14 +26,16 @@ BEYOND_RANGE_M = 40.0
 MOST_BYTES = 6_000_000
 NO_ERROR_CM = 65_535
 FAR_M = 1e5
-OF_VEHICLES = {
-    "lon_m": ("lon", 1.0), "lat_m": ("lat", 1.0), "heading_rad": ("heading", 1e4), "speed_mps": ("speed", 10.0),
-    "visible_fraction": ("visible", 100.0),
-}  # fmt: skip
-OF_TRACKS = {
-    "lon_m": ("lon", 1.0), "lat_m": ("lat", 1.0), "std_lon_m": ("std_lon", 100.0), "std_lat_m": ("std_lat", 100.0),
-}  # fmt: skip
-"""Columns that the picture needs: their packed names and factors."""
+Packing = tuple[str, str, float]
+"""How a column is packed: its name in the table, the type, which whole numbers are clipped to, and a factor."""
+PLACE: dict[str, Packing] = {"lon": ("lon_m", "f4", 1.0), "lat": ("lat_m", "f4", 1.0)}
+OF_VEHICLES = PLACE | {
+    "heading": ("heading_rad", "i2", 1e4),
+    "speed": ("speed_mps", "i2", 10.0),
+    "visible": ("visible_fraction", "u1", 100.0),
+}
+OF_TRACKS = PLACE | {"std_lon": ("std_lon_m", "u2", 100.0), "std_lat": ("std_lat_m", "u2", 100.0)}
+"""Columns of numbers that the picture needs, by their packed names."""
 UNPLOTTED = ("time_s", "length_m", "width_m", "window_start_m", "window_end_m")
 OF_TRACKER = ("error", "track", "outcome")
 """What of the truth's columns a tracker decides."""
@@ -73,9 +75,9 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         "episode": times["episode"].tolist(),
         "range_m": run.sensor.range_m,
         "field_of_view_deg": run.sensor.field_of_view_deg,
+        "follow_m": FOLLOW_CUTOFF_M,
         "road": _plane(run.road, run, reach_m) if isinstance(run.road, LaneGraphRoad) else _strips(run),
         "vehicles": _vehicles(kept_truth, codes, names),
-        "follow_m": FOLLOW_CUTOFF_M,
         "truth": _truth(kept_truth, run.errors, codes, steps),
         "detections": _detections(run.detections, steps, run.road),
         "tracks": _tracks(run.tracks, steps),
@@ -172,12 +174,17 @@ def _truth(truth: pd.DataFrame, errors: pd.DataFrame, codes: npt.NDArray[np.intp
         outcome=1 + _codes(beside["outcome"], OUTCOMES),
     )
     return _rows(
-        columns, steps,
-        vehicle=("vehicle", "u2", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
-        heading=("heading_rad", "i2", 1e4), speed=("speed_mps", "i2", 10.0), state=("state", "u1", 1.0),
-        visible=("visible_fraction", "u1", 100.0), ego=("is_ego", "u1", 1.0), error=("error_cm", "u2", 1.0),
-        track=("track", "i4", 1.0), outcome=("outcome", "u1", 1.0), **_others(truth, OF_VEHICLES),
-    )  # fmt: skip
+        columns,
+        steps,
+        **OF_VEHICLES,
+        vehicle=("vehicle", "u2", 1.0),
+        state=("state", "u1", 1.0),
+        ego=("is_ego", "u1", 1.0),
+        error=("error_cm", "u2", 1.0),
+        track=("track", "i4", 1.0),
+        outcome=("outcome", "u1", 1.0),
+        **_others(truth, OF_VEHICLES),
+    )
 
 
 def _detections(detections: pd.DataFrame, steps: IntArray, road: Road) -> dict[str, Any]:
@@ -185,28 +192,23 @@ def _detections(detections: pd.DataFrame, steps: IntArray, road: Road) -> dict[s
     mean_car = {"length_m": NOMINAL_LENGTH_M, "width_m": NOMINAL_WIDTH_M}
     unmeasured = {name: size for name, size in mean_car.items() if name not in detections}
     turn = road.axis_of(road.lane_heading_at(floats(detections, "lon_m"), floats(detections, "lat_m")))
-    turned = {"turn": ("turn", "i2", 1e4)} if turn.any() else {}
-    return _rows(
-        detections.assign(**unmeasured, turn=turn), steps,
-        lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0), length=("length_m", "u2", 100.0),
-        width=("width_m", "u2", 100.0), **turned,
-    )  # fmt: skip
+    sizes: dict[str, Packing] = {"length": ("length_m", "u2", 100.0), "width": ("width_m", "u2", 100.0)}
+    turned: dict[str, Packing] = {"turn": ("turn", "i2", 1e4)} if turn.any() else {}
+    return _rows(detections.assign(**unmeasured, turn=turn), steps, **PLACE, **sizes, **turned)
 
 
 def _tracks(tracks: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
     columns = tracks.assign(state=_codes(tracks["state"], TRACK_STATES))
-    return _rows(
-        columns, steps,
-        id=("track_id", "i4", 1.0), lon=("lon_m", "f4", 1.0), lat=("lat_m", "f4", 1.0),
-        std_lon=("std_lon_m", "u2", 100.0), std_lat=("std_lat_m", "u2", 100.0), state=("state", "u1", 1.0),
-        **_others(tracks, OF_TRACKS),
-    )  # fmt: skip
+    own: dict[str, Packing] = {"id": ("track_id", "i4", 1.0), "state": ("state", "u1", 1.0)}
+    return _rows(columns, steps, **own, **OF_TRACKS, **_others(tracks, OF_TRACKS))
 
 
-def _others(table: pd.DataFrame, known: Mapping[str, Any]) -> dict[str, tuple[str, str, float]]:
-    """Return how the columns of numbers are packed that nothing but a plot over time shows, for ``_rows``."""
-    names = [str(name) for name in table if table[name].dtype.kind == "f"]
-    return {name: (name, "f4", 1.0) for name in names if name not in known and name not in UNPLOTTED}
+def _others(table: pd.DataFrame, known: Mapping[str, Packing]) -> dict[str, Packing]:
+    """Return how the columns of numbers are packed that nothing but a plot over time shows."""
+    left_out = {*UNPLOTTED, *(column for column, _, _ in known.values())}
+    return {
+        str(name): (str(name), "f4", 1.0) for name in table if table[name].dtype.kind == "f" and name not in left_out
+    }
 
 
 def _with_demands(truth: pd.DataFrame, commands: pd.DataFrame) -> pd.DataFrame:
@@ -221,12 +223,10 @@ def _with_demands(truth: pd.DataFrame, commands: pd.DataFrame) -> pd.DataFrame:
 def _plots(truth: pd.DataFrame, tracks: pd.DataFrame) -> list[tuple[str, str, str, float]]:
     """Return what may be plotted over time: its name, ``truth`` or ``tracks``, the packed column and its factor."""
     plots = [("distance to its track, m", "truth", "error", 100.0)]
-    for whose, table, packed, known in (
-        ("vehicle", "truth", truth, OF_VEHICLES),
-        ("its track", "tracks", tracks, OF_TRACKS),
-    ):
-        named = known | {name: (name, factor) for name, (_, _, factor) in _others(packed, known).items()}
-        plots += [(f"{whose}: {name}", table, key, factor) for name, (key, factor) in named.items()]
+    shown = (("vehicle", "truth", truth, OF_VEHICLES), ("its track", "tracks", tracks, OF_TRACKS))
+    for whose, table, packed, known in shown:
+        columns = known | _others(packed, known)
+        plots += [(f"{whose}: {column}", table, key, factor) for key, (column, _, factor) in columns.items()]
     return plots
 
 
@@ -247,10 +247,14 @@ def _unseen(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:
     shown = steps[np.minimum(np.searchsorted(steps, step), len(steps) - 1)]
     latest = pd.Series(step).groupby(shown).transform("max").to_numpy() == step
     return _rows(
-        run.unseen.assign(step=shown)[latest], steps,
-        lon=("from_lon_m", "f4", 1.0), lat=("from_lat_m", "f4", 1.0),
-        to_lon=("to_lon_m", "f4", 1.0), to_lat=("to_lat_m", "f4", 1.0), expected=("expected", "u2", 1e3),
-    )  # fmt: skip
+        run.unseen.assign(step=shown)[latest],
+        steps,
+        lon=("from_lon_m", "f4", 1.0),
+        lat=("from_lat_m", "f4", 1.0),
+        to_lon=("to_lon_m", "f4", 1.0),
+        to_lat=("to_lat_m", "f4", 1.0),
+        expected=("expected", "u2", 1e3),
+    )
 
 
 def _events(events: pd.DataFrame, steps: IntArray, names: pd.Index) -> list[list[Any]]:
@@ -262,11 +266,10 @@ def _events(events: pd.DataFrame, steps: IntArray, names: pd.Index) -> list[list
     return [list(row) for row in rows if row[0] >= 0]
 
 
-def _rows(table: pd.DataFrame, steps: IntArray, **columns: tuple[str, str, float]) -> dict[str, Any]:
+def _rows(table: pd.DataFrame, steps: IntArray, **columns: Packing) -> dict[str, Any]:
     """Pack the rows of the shown steps of a table, which is sorted by step.
 
-    For each packed column ``columns`` say the table's column, the type, which whole numbers are clipped to, and the
-    factor. Beside them stands ``first``: where each step's rows begin, and the end of the last.
+    Beside the columns stands ``first``: where each step's rows begin, and the end of the last.
     """
     step = table["step"].to_numpy(dtype=np.int64)
     shown = np.isin(step, steps)
