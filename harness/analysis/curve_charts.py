@@ -21,7 +21,7 @@ from harness.analysis.tables import AXIS_LABELS
 from harness.common.charts import Charts, curves, lines_of
 from harness.scoring.metrics.quantity import Quantity
 
-NOTE = "Means over seeds with 95 % intervals."
+NOTE = "Means over seeds with 95 % intervals. MAE is the mean absolute error, HOTA a score of detection and identity."
 HINT = "Point at a value to read it, click it to go to its runs; a click on a name shows its line alone."
 
 Where = tuple[str, str, float | str]

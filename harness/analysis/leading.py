@@ -41,7 +41,8 @@ def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
     enough = (seeds if seeds > 1 else len(by_setting)) >= FEWEST
     ahead = "is ahead of" if overall.ci95[0] > 0.0 and enough else "is not clearly ahead of"
     measure = quantity.label.rpartition(", ")[0]
-    return f"In {measure}, {ranked[0]} {ahead} {ranked[1]}: {_in_words(overall, quantity, seeds)}{told}."
+    few = "" if enough or not np.isfinite(overall.se) else ", too few to tell"
+    return f"In {measure}, {ranked[0]} {ahead} {ranked[1]}: {_in_words(overall, quantity, seeds)}{few}{told}."
 
 
 def _lead(pairs: pd.DataFrame) -> Effect:

@@ -120,7 +120,8 @@ def _switches(truth: pd.DataFrame, own: Sequence[TrackFailure], others: Sequence
         since_s = floats(times, "time_s") - failure.time_s
         shown = (since_s >= -TIME_TOLERANCE_S) & (since_s <= SWITCH_SHOWN_S + TIME_TOLERANCE_S)
         rows += [(int(step), failure.vehicle_id) for step in times["step"].to_numpy()[shown]]
-    return pd.DataFrame(rows, columns=["step", "vehicle_id"]).astype({"step": np.int64, "vehicle_id": object})
+    shown_at = pd.DataFrame(rows, columns=["step", "vehicle_id"]).drop_duplicates()
+    return shown_at.astype({"step": np.int64, "vehicle_id": object})
 
 
 def _same_detections(why: Why) -> tuple[RecordedRun, RecordedRun] | None:
@@ -176,7 +177,8 @@ ROW_PX, FRAME_PX = 36, 60
 NOTE = (
     "How much better (right) or worse (left) b is than a, in percent of a's value, with 95 % intervals. The grey band "
     "is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. Beyond {:g} %, "
-    "the scale is logarithmic. A dot without a line has no interval."
+    "the scale is logarithmic. A dot without a line has no interval. MAE is the mean absolute error; HOTA and IDF1 are "
+    "scores of detection and identity together."
 )
 NOT_DRAWN = " Not shown, because a is 0: {}."
 HINT = "Point at a value to read it in its own unit."

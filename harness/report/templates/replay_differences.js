@@ -46,7 +46,7 @@ function nameMarks(pen, camera, found) {
 }
 
 /* For each side how many vehicles are marked at each step. */
-const counts = marks ? SIDES.map((_, side) => data.time_s.map((__, step) => marksAt(step, side).length)) : [];
+const counts = marks ? SIDES.map((_, side) => data.time_s.map((__, step) => new Set(marksAt(step, side).map(({ row }) => row)).size)) : [];
 
 /* The bars of a point up, those of b down. */
 function drawDifferences(pen, width, height, x) {

@@ -12,11 +12,6 @@ from harness.report.folder_page import write_page
 from harness.report.page import write_run_page
 from tests.harness.recorded_scene import write_recorded_scene
 
-ONE_PIXEL = (
-    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\x08\6\0\0\0\x1f\x15\xc4\x89\0\0\0\nIDATx\x9cc\0\1\0\0\5\0\1\r\n-\xb4"
-    b"\0\0\0\0IEND\xaeB`\x82"
-)
-
 
 class Reader(HTMLParser):
     """Collects elements' addresses and, of script elements, the text."""
@@ -69,7 +64,7 @@ def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
     (folder / "table.md").write_text(
         "# Densities\n\n| density | hota |\n|---|---|\n| 20 | 91.5 |\n\n<script>x</script>\n"
     )
-    (folder / "figures" / "hota.png").write_bytes(ONE_PIXEL)
+    (folder / "figures" / "hota.png").write_bytes(b"\x89PNG")
     pd.DataFrame({"seed": [0, 1], "mot.hota": [91.5, 90.25], "error": [None, None]}).to_parquet(folder / "runs.parquet")
     page = write_page(folder)
     text, reader = page.read_text(encoding="utf-8"), read_page(page)
