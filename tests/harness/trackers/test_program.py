@@ -103,8 +103,9 @@ def run_with(name: str, out: Path, *settings: str, traffic: SteadyTraffic | None
 @pytest.mark.parametrize("way", [pytest.param(way, marks=() if way in QUICK else pytest.mark.slow) for way in AT_FIFTH])
 def test_a_program_that_misbehaves_ends_the_run_in_one_line_and_keeps_the_steps_before(way, tmp_path):
     at_fifth, told = AT_FIFTH[way]
+    patient = () if "answer within" in told else ("tracker.options.step_timeout_s=5",)
     with pytest.raises(RunError) as raised:
-        run_with(program(tmp_path, at_fifth=at_fifth), tmp_path / "run")
+        run_with(program(tmp_path, at_fifth=at_fifth), tmp_path / "run", *patient)
     message = str(raised.value)
     assert "failed after 4 steps" in message
     assert told in message
