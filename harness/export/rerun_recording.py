@@ -108,7 +108,7 @@ def _detection_columns(run: RecordedRun) -> Any:  # noqa: ANN401
     count = len(run.detections)
     return rr.Points3D.columns(
         positions=_places(run, run.detections, HEIGHT_M + 0.1),
-        colors=_rgb(np.full(count, palette.DETECTION_COLOUR, dtype=object)),
+        colors=_rgb([palette.DETECTION_COLOUR] * count),
         radii=np.full(count, 0.25),
     )
 
@@ -119,7 +119,7 @@ def _track_columns(run: RecordedRun) -> Any:  # noqa: ANN401
         centers=_places(run, run.tracks, HEIGHT_M + 0.1),
         half_sizes=np.column_stack([spread, np.full(len(spread), FLAT_M)]),
         quaternions=_turns(run, run.tracks),
-        colors=_rgb(np.full(len(spread), palette.PURPLE, dtype=object)),
+        colors=_rgb([palette.PURPLE] * len(spread)),
         labels=[str(number) for number in run.tracks["track_id"]],
         show_labels=[False] * len(spread),
     )
@@ -127,7 +127,7 @@ def _track_columns(run: RecordedRun) -> Any:  # noqa: ANN401
 
 def _lanes(run: RecordedRun) -> Any:  # noqa: ANN401
     strips = [np.pad(line.points(run.road), ((0, 0), (0, 1))) for line in lanes_of(run).lines]
-    return rr.LineStrips3D(strips, colors=_rgb(np.full(len(strips), palette.LANE_COLOUR, dtype=object)), radii=0.08)
+    return rr.LineStrips3D(strips, colors=_rgb([palette.LANE_COLOUR] * len(strips)), radii=0.08)
 
 
 def _places(run: RecordedRun, table: pd.DataFrame, height_m: float) -> FloatArray:
@@ -144,5 +144,4 @@ def _turns(run: RecordedRun, table: pd.DataFrame) -> FloatArray:
 
 def _rgb(names: Any) -> Any:  # noqa: ANN401
     """Return colours given as #rrggbb as bytes, shape (n, 3)."""
-    table = {name: [int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in set(names)}
-    return np.array([table[name] for name in names], dtype=np.uint8).reshape(-1, 3)
+    return np.array([tuple(bytes.fromhex(name[1:])) for name in names], dtype=np.uint8).reshape(-1, 3)

@@ -25,8 +25,8 @@ from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
 
 SIZE, EGO_SIZE_M, NOMINAL_SIZE_M = ["length_m", "width_m"], (4.8, 1.8), (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
-STD_DETECTION_M = 0.5
-"""Deviation of a detection whose file tells none; no score of tracks depends on it."""
+USUAL_OF_DETECTIONS = {"speed_mps": np.nan, "std_speed_mps": 1.0, "std_lon_m": 0.5, "std_lat_m": 0.5}
+"""What stands for figures that a file of detections does not tell; no score of tracks depends on deviations."""
 SEEN = ["visible_fraction", "state", "in_range", "occluder_id"]
 KEYS = ["episode", "time_s"]
 OF_POSES = ["lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m"]
@@ -146,8 +146,8 @@ def _step_of(clock: pd.DataFrame) -> float:
     return float(steps.median()) if len(steps) else 0.1
 
 
-def filled(rows: pd.DataFrame, column: str, usual: FloatArray) -> FloatArray:
-    """Return a column, shape (n,), with the usual values where it is missing or not finite."""
+def filled(rows: pd.DataFrame, column: str, usual: FloatArray | float) -> FloatArray:
+    """Return a column, shape (n,), with the usual value, of each row or of all, where it is missing or not finite."""
     values = rows[column].to_numpy(dtype=np.float64) if column in rows else np.full(len(rows), np.nan)
     return np.where(np.isfinite(values), values, usual)
 
@@ -208,13 +208,9 @@ def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.D
         rows.loc[rows["visible_fraction"].isna(), "truth_id"] = ""
     rows = rows.sort_values("step", kind="stable").reset_index(drop=True)
     rows["detection"] = rows.groupby("step").cumcount()
-    for name in ("speed_mps", "std_speed_mps"):
-        rows[name] = filled(rows, name, np.full(len(rows), np.nan))
-    rows["std_speed_mps"] = np.where(
-        np.isfinite(rows["speed_mps"]), filled(rows, "std_speed_mps", np.ones(len(rows))), np.nan
-    )
-    for name in ("std_lon_m", "std_lat_m"):
-        rows[name] = filled(rows, name, np.full(len(rows), STD_DETECTION_M))
+    for name, usual in USUAL_OF_DETECTIONS.items():
+        rows[name] = filled(rows, name, usual)
+    rows["std_speed_mps"] = rows["std_speed_mps"].where(rows["speed_mps"].notna())
     return rows[list(TABLES[runfolder.DETECTIONS].needed)]
 
 

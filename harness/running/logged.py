@@ -285,9 +285,9 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
         placed["accel_mps2"] = complete.slope_of(placed, "speed_mps")
     usual = {"lat_speed_mps": 0.0, "existence": 1.0, **dict.fromkeys(STDS, 1.0)}
     for name, value in usual.items():
-        placed[name] = complete.filled(placed, name, np.full(count, value))
-    known = placed["state"].astype(str) if "state" in placed else pd.Series(["confirmed"] * count)
+        placed[name] = complete.filled(placed, name, value)
     codes = {word: code for code, word in enumerate(TRACK_STATES)}
+    known = placed.reindex(columns=["state"])["state"].astype(str)
     placed["state"] = known.map(codes).fillna(CONFIRMED).astype(np.int8)
     placed["track_id"] = placed["id"].astype(np.int64)
     columns = {column: placed[column].to_numpy() for column in Tracks.__dataclass_fields__}

@@ -137,10 +137,9 @@ def snapshots_of_bag(path: Path, config: RunConfig) -> SnapshotStream:
     if recording.ego not in (EGO, "auto", "each"):
         raise InputError(f"`ego` {recording.ego}: a bag is seen from its own car; leave `ego` out")
     find, place = named(topics, "format", "mcap"), f"`replay`: {path} (autoware)"
-    truth_topic, detections_topic = (isolated(partial(find, path, role), place) for role in (TRUTH, DETECTIONS))
+    topic = {role: isolated(partial(find, path, role), place) for role in (TRUTH, DETECTIONS)}
     rows, found = (
-        LogFile(Path(f"{path}:{topic}"), role, "mcap").read().assign(episode=0)
-        for role, topic in ((TRUTH, truth_topic), (DETECTIONS, detections_topic))
+        LogFile(Path(f"{path}:{name}"), role, "mcap").read().assign(episode=0) for role, name in topic.items()
     )
     if "is_ego" not in rows or not rows["is_ego"].any():
         raise InputError(f"`replay`: {path} has no transform of base_link, so where the ego is; record /tf too")
@@ -160,7 +159,7 @@ def snapshots_of_bag(path: Path, config: RunConfig) -> SnapshotStream:
         snapshots = snapshots_of(truth, detection_table(found, truth, clock), road, figures)
     except ValueError as error:
         raise InputError(f"`replay`: {path}: {error}; mend the file") from None
-    report = f"truth: {truth_topic}; detections: {detections_topic}"
+    report = f"truth: {topic[TRUTH]}; detections: {topic[DETECTIONS]}"
     vehicles = {"vehicles_read": read - 1, "vehicles_kept": rows["id"].nunique() - 1}
     about = {"recording": {"file": path.name, "format": recording.format, "ego": EGO, "egos": 1, **vehicles}}
     return replace(snapshots, files={f"replay/{path.name}": path}, report=report, about=about)
