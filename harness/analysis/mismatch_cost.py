@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, field
 
 import numpy as np
@@ -142,10 +142,21 @@ def _by_world(table: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-HEADS = (
-    *("tracker", "mismatch", "HOTA", "loss", "identity switches", "recall in plain view", "worst tenth", "missed"),
-    *("hidden cost, m", "false tracks a scan", "95 % intervals cover", "runs"),
-)
+COLUMNS: dict[str, Callable[[Cost], str]] = {
+    "tracker": lambda cost: cost.name,
+    "mismatch": lambda cost: cost.mismatch,
+    "HOTA": lambda cost: _points(cost.hota, cost.hota_ci95),
+    "loss": lambda cost: "" if cost.mismatch == AS_IS else _points(cost.hota_loss, cost.hota_loss_ci95),
+    "identity switches": lambda cost: number(cost.id_switches, 1),
+    "recall in plain view": lambda cost: number(cost.recall, 1, " %"),
+    "worst tenth": lambda cost: number(cost.worst_tenth, 1, " %"),
+    "missed": lambda cost: number(cost.missed, 0),
+    "hidden cost, m": lambda cost: number(cost.hidden_cost_m, 2),
+    "false tracks a scan": lambda cost: number(cost.false_tracks_per_scan, 2),
+    "95 % intervals cover": lambda cost: number(cost.coverage95_lon, 0, " %"),
+    "runs": lambda cost: str(cost.runs),
+}
+"""The table of costs: headings, and what stands below them."""
 
 
 def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequence[Lead] = ()) -> str:
@@ -158,7 +169,7 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
         "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.",
         "Missed are vehicle-steps in sight, a run.",
         "",
-        *markdown_table(HEADS, [_cells(cost) for cost in found]),
+        *markdown_table([*COLUMNS], [[cell(cost) for cell in COLUMNS.values()] for cost in found]),
     ]
     if ahead:
         heads = ("mismatch", "score", "first", "best of the others", "ahead of it, points", "runs")
@@ -168,23 +179,6 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
     if failures:
         lines += ["", "Failed:", "", *(f"- {line}" for line in failures)]
     return "\n".join(lines) + "\n"
-
-
-def _cells(cost: Cost) -> list[str]:
-    return [
-        cost.name,
-        cost.mismatch,
-        _points(cost.hota, cost.hota_ci95),
-        "" if cost.mismatch == AS_IS else _points(cost.hota_loss, cost.hota_loss_ci95),
-        number(cost.id_switches, 1),
-        number(cost.recall, 1, " %"),
-        number(cost.worst_tenth, 1, " %"),
-        number(cost.missed, 0),
-        number(cost.hidden_cost_m, 2),
-        number(cost.false_tracks_per_scan, 2),
-        number(cost.coverage95_lon, 0, " %"),
-        str(cost.runs),
-    ]
 
 
 def _interval(values: pd.Series[float], possible: Possible = ANY) -> tuple[float, float]:

@@ -52,13 +52,10 @@ BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
 def compare_runs(
     a: Source, b: Source, evidence: Sequence[Evidence], rules: Rules
 ) -> tuple[list[MetricDifference], Why]:
-    """Return the differences of two single runs, vehicle by vehicle, and what their failures come from.
+    """Return the differences of two single runs, given ``evidence_of`` each, and what their failures come from.
 
     Mean absolute errors are over the steps at which both follow a vehicle. Scores of a whole run that no vehicle has of
     its own have no interval.
-
-    Args:
-        evidence: Of both runs, see ``evidence_of``.
     """
     first, second = evidence
     truth = first.rows.truth

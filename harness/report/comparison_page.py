@@ -214,12 +214,18 @@ def _row(verdict: Verdict, rules: Rules) -> dict[str, Any] | None:
     decimals = quantity.decimals + 1
     interval = f"{verdict.ci95[0]:+.{decimals}f} to {verdict.ci95[1]:+.{decimals}f}" if ends else "-"
     return {
-        "metric": quantity.label, "change": max(-MOST_CHANGE, min(MOST_CHANGE, scale * verdict.difference)),
-        "low": low, "high": high, "tolerance": band, "below": None if band is None else -band,
+        "metric": quantity.label,
+        "change": max(-MOST_CHANGE, min(MOST_CHANGE, scale * verdict.difference)),
+        "low": low,
+        "high": high,
+        "tolerance": band,
+        "below": None if band is None else -band,
         "verdict": IN_WORDS.get(verdict.verdict, verdict.verdict),
         "values": f"{verdict.a:.{decimals}f} and {verdict.b:.{decimals}f}",
-        "difference": f"{verdict.difference:+.{decimals}f}", "interval": interval, "pairs": str(verdict.pairs),
-    }  # fmt: skip
+        "difference": f"{verdict.difference:+.{decimals}f}",
+        "interval": interval,
+        "pairs": str(verdict.pairs),
+    }
 
 
 def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
@@ -238,10 +244,8 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
         },
     }
     # Names stand above their rows, so that the plot keeps its width on a small screen.
-    axis: Spec = {
-        "title": None, "labelLimit": {"expr": "width"}, "grid": False, "ticks": False, "domain": False,
-        "labelAlign": "left", "labelPadding": -4, "labelOffset": -11,
-    }  # fmt: skip
+    above: Spec = {"labelAlign": "left", "labelPadding": -4, "labelOffset": -11, "labelLimit": {"expr": "width"}}
+    axis: Spec = {"title": None, "grid": False, "ticks": False, "domain": False} | above
     y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
     shade: Spec = {"color": colour_by("verdict", lines), "opacity": strength("verdict")}
     change: Spec = {"y": y, "x": {**x, "field": "change"}}

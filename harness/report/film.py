@@ -26,10 +26,14 @@ OVERLAP_M, MARGIN_M = 8.0, 2.5
 HEAD, FOOT, GAP = 34, 34, 14
 OUTLINED = {"hidden": VERMILION, "out": "#9a9a9a"}
 FILLED = {"visible": GREEN, "partial": ORANGE}
-LEGEND = (
-    ("visible", GREEN), ("partly hidden", ORANGE), ("hidden", VERMILION), ("ego", "#000000"),
-    ("shadow", SHADOW), ("track, 95 %; thin: taken for hidden", PURPLE),
-)  # fmt: skip
+LEGEND = {
+    "visible": GREEN,
+    "partly hidden": ORANGE,
+    "hidden": VERMILION,
+    "ego": "#000000",
+    "shadow": SHADOW,
+    "track, 95 %; thin: taken for hidden": PURPLE,
+}
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,7 @@ def _draw_detections_and_tracks(strip: _PictureRow, detections: pd.DataFrame, tr
 def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
     draw.text((10 * SMOOTH, 8 * SMOOTH), heading, fill="#222222", font=ImageFont.load_default(16 * SMOOTH))
     font, x, y = ImageFont.load_default(14 * SMOOTH), 10.0 * SMOOTH, SMOOTH * (HEIGHT - 24)
-    for name, colour in LEGEND:
+    for name, colour in LEGEND.items():
         draw.rectangle((x, y, x + 22 * SMOOTH, y + 13 * SMOOTH), fill=colour)
         draw.text((x + 28 * SMOOTH, y - SMOOTH), name, fill="#222222", font=font)
         x += 28 * SMOOTH + draw.textlength(name, font=font) + 22 * SMOOTH

@@ -80,9 +80,9 @@ def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
 MOST_ROWS = 300
 HIDDEN = "hidden"
 HEADINGS = (
-    "vehicle", "not hidden, s", "hidden, s", "followed while not hidden, %", "error while not hidden, m",
-    "own track while hidden, %", "error while hidden, m", "hidden cost by identity, m", "lost when detected again",
-)  # fmt: skip
+    *("vehicle", "not hidden, s", "hidden, s", "followed while not hidden, %", "error while not hidden, m"),
+    *("own track while hidden, %", "error while hidden, m", "hidden cost by identity, m", "lost when detected again"),
+)
 
 
 def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> tuple[Markup, int] | None:
