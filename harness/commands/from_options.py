@@ -18,7 +18,7 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
     """Return what typer takes for a command of a table of options."""
 
     def called(**values: object) -> Outcome:
-        return command(values)
+        return command(values) if values else command()
 
     parameters = [_parameter(name, entry) for name, entry in _entries(command).items()]
     called.__doc__ = command.__doc__
@@ -40,7 +40,7 @@ def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> li
 
 
 def _entries(command: Callable[..., Outcome]) -> dict[str, Declared]:
-    return declared(get_type_hints(command)["options"])
+    return declared(get_type_hints(command).get("options", object))
 
 
 def _parameter(name: str, entry: Declared) -> inspect.Parameter:
