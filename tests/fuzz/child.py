@@ -48,9 +48,9 @@ def main() -> None:
         after = state_of(folder)
         written = [name for name, size in after.items() if before.get(name) != size and not name.startswith(WRITTEN)]
         row = {"end": number, "code": code, "seconds": time.perf_counter() - begin, "stderr": message[-4000:]}
-        # What is mapped and never touched, as libraries do, does not count.
-        used = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-        row["peak_bytes"] = 1024 * max(used)
+        # What is mapped and never touched, as libraries do, does not count, nor what the process before this one held.
+        own = int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
+        row["peak_bytes"] = 1024 * max(own, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
         row["written"] = written + [name for name in before if name not in after]
         log.write(json.dumps(row) + "\n")
         log.flush()
