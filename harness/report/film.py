@@ -55,7 +55,7 @@ def write_film(run: RecordedRun, path: Path) -> None:
     """Write a run's pictures, one for each step, as an MP4 film in its own time."""
     times = np.unique(run.truth["time_s"].to_numpy(dtype=np.float64))
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0
-    writer = imageio_ffmpeg.write_frames(str(path), (WIDTH, HEIGHT), fps=rate, macro_block_size=16, quality=7)
+    writer = imageio_ffmpeg.write_frames(str(path), (WIDTH, HEIGHT), fps=rate, output_params=["-f", "mp4"], quality=7)
     writer.send(None)
     tracks, detections = by_step(run.tracks), by_step(run.detections)
     try:

@@ -6,6 +6,7 @@ import importlib.util
 from pathlib import Path
 
 from harness.common.errors import InputError
+from harness.common.files import replacing
 from harness.running.finished import read_recorded_run
 
 
@@ -22,9 +23,8 @@ def write_video(folder: Path, path: Path, force: bool = False) -> Path:
     if not run.road.lanes:
         raise InputError("`video`: films show one road from above, and this network has many; see the page's replay")
     path.parent.mkdir(parents=True, exist_ok=True)
-    pending = path.with_name(f".{path.name}.running.mp4")
-    write_film(run, pending)
-    pending.replace(path)
+    with replacing(path) as pending:
+        write_film(run, pending)
     return path
 
 

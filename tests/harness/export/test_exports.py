@@ -423,17 +423,17 @@ def test_a_format_whose_extra_is_missing_names_it(name, package, extra, folder, 
 
 
 @pytest.mark.slow
-def test_the_film_has_a_picture_for_each_step(folder, tmp_path):
-    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra video is not installed")
-    from harness.report import film as drawn  # noqa: PLC0415
-
+def test_the_film_has_a_picture_for_each_step_and_one_that_fails_leaves_nothing(folder, tmp_path, monkeypatch):
+    drawn = pytest.importorskip("harness.report.film", reason="the extra video is not installed", exc_type=ImportError)
     film = write_video(folder, tmp_path / "run.mp4")
-    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
-    assert count == STEPS
-    assert seconds == pytest.approx(STEPS * 0.1, abs=0.1)
-    assert next(imageio_ffmpeg.read_frames(str(film)))["size"] == (drawn.WIDTH, drawn.HEIGHT)
+    assert drawn.imageio_ffmpeg.count_frames_and_secs(str(film)) == (STEPS, pytest.approx(STEPS * 0.1, abs=0.1))
+    assert next(drawn.imageio_ffmpeg.read_frames(str(film)))["size"] == (drawn.WIDTH, drawn.HEIGHT)
     with pytest.raises(InputError, match="`force`"):
         write_video(folder, film)
+    monkeypatch.delattr(drawn, "draw_frame")
+    with pytest.raises(NameError):
+        write_video(folder, film, force=True)
+    assert not [*tmp_path.glob(".*")]
 
 
 def test_a_film_that_cannot_be_written_is_refused_before_the_run(tmp_path, capsys):
