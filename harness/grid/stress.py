@@ -58,7 +58,7 @@ def run_stress(
     user: Telling | None = None,
     command: str = "",
 ) -> FinishedGrid:
-    """Run a grid and write its folder; ``harness.grid.making.make_rows`` tells of the other arguments and of errors.
+    """Run a grid and write its folder. ``harness.grid.making.make_rows`` has the other arguments and the errors.
 
     Args:
         execute: Runs the cells: in processes of this machine (``harness.grid.pool``) or on a cluster.

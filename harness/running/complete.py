@@ -24,7 +24,8 @@ from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
 
-SIZE, EGO_SIZE_M, NOMINAL_SIZE_M = ["length_m", "width_m"], (4.8, 1.8), (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
+SIZE = ["length_m", "width_m"]
+EGO_SIZE_M, NOMINAL_SIZE_M = (4.8, 1.8), (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
 USUAL_OF_DETECTIONS = {"speed_mps": np.nan, "std_speed_mps": 1.0, "std_lon_m": 0.5, "std_lat_m": 0.5}
 """What stands for figures that a file of detections does not tell; no score of tracks depends on deviations."""
 SEEN = ["visible_fraction", "state", "in_range", "occluder_id"]
