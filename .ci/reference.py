@@ -39,7 +39,7 @@ from reference_differences import TABLE, Difference, differences, row_difference
 from harness.commands.from_options import typer_command, with_values
 from harness.common.errors import InputError
 from harness.common.files import replacing, write_text
-from harness.config.options import checked, declared
+from harness.config.options import checked, options_of
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.running.provenance import own_code
@@ -328,7 +328,7 @@ def run_harness(words: Sequence[str], out: Path, workers: int | None = None, qui
     Raises:
         InputError: The command fails.
     """
-    known = declared(importlib.import_module(f"harness.commands.{words[0]}").Options)
+    known = options_of(importlib.import_module(f"harness.commands.{words[0]}").Options)
     added = ["--out", str(out)]
     added += ["--resume"] if "resume" in known and out.exists() else []
     added += ["--workers", str(workers or os.cpu_count() or 1)] if "workers" in known else []

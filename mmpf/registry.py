@@ -99,7 +99,7 @@ class Registry(Generic[T]):
             return self._registered[name]
         if name in self.entries:
             return self._own_entry(name)
-        found = [point for point in declared(self.group) if point.name == name]
+        found = [point for point in entry_points_of(self.group) if point.name == name]
         if len(found) > 1:
             packages = " and ".join(sorted(_package(point) for point in found))
             raise UnknownNameError(f"the {self.kind} {name!r} is declared by {packages}; uninstall all but one")
@@ -134,7 +134,7 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """Return all names: those that come along in their order, and after them those of installed packages."""
-        return tuple(dict.fromkeys((*self.own, *sorted(point.name for point in declared(self.group)))))
+        return tuple(dict.fromkeys((*self.own, *sorted(point.name for point in entry_points_of(self.group)))))
 
     def is_outside(self, name: str) -> bool:
         """Return whether a name is a place, ``module:attribute``, or declared by an installed package."""
@@ -173,7 +173,7 @@ class Registry(Generic[T]):
 
 
 @cache
-def declared(group: str | None) -> Sequence[EntryPoint]:
+def entry_points_of(group: str | None) -> Sequence[EntryPoint]:
     """Return what installed packages declare in a group, read once a process; ``cache_clear`` has it read anew."""
     if group is None:
         return ()

@@ -7,7 +7,7 @@ from typing import Annotated, TypedDict
 
 from harness.common.errors import InputError
 from harness.config import options as shared
-from harness.config.options import Option, declared
+from harness.config.options import Option, options_of
 
 
 class Options(TypedDict):
@@ -50,7 +50,7 @@ def command(options: Options) -> int:
       python -m harness bench --trackers mmpf:gmm,mmpf:idm --vehicles 50,200
       python -m harness bench --against HEAD~1
     """
-    if options["against"] is not None and options["budget"] != declared(Options)["budget"].option.default:
+    if options["against"] is not None and options["budget"] != options_of(Options)["budget"].option.default:
         raise InputError("`budget`: with `against` each tracker makes all steps; leave it out")
     from harness.commands.actions.measure import measure  # noqa: PLC0415
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, cast, get_type_hints
 
 import typer
 
-from harness.config.options import Declared, declared
+from harness.config.options import Declared, options_of
 
 Outcome = int | None
 
@@ -40,7 +40,7 @@ def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> li
 
 
 def _entries(command: Callable[..., Outcome]) -> dict[str, Declared]:
-    return declared(get_type_hints(command).get("options", object))
+    return options_of(get_type_hints(command).get("options", object))
 
 
 def _parameter(name: str, entry: Declared) -> inspect.Parameter:

@@ -7,7 +7,7 @@ from typing import Annotated, TypedDict
 
 from harness.common.errors import InputError
 from harness.config import options as shared
-from harness.config.options import Option, declared
+from harness.config.options import Option, options_of
 
 NO_CHOICE = {
     "ablation": (
@@ -71,7 +71,7 @@ def command(options: Options) -> None:
         case = "recordings"
     parameters, study = NO_CHOICE.get(case, (("real_data",), "a study of simulated traffic"))
     for parameter in parameters:
-        if options.get(parameter) != declared(Options)[parameter].option.default:
+        if options.get(parameter) != options_of(Options)[parameter].option.default:
             raise InputError(f"`{parameter}`: {study} has no such choice; leave it out")
     from harness.commands.actions.make_study import make_study_of  # noqa: PLC0415
 

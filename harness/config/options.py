@@ -226,7 +226,7 @@ class Declared:
 
 
 @cache
-def declared(table: type) -> dict[str, Declared]:
+def options_of(table: type) -> dict[str, Declared]:
     """Return the entries of a table of options by name, in the table's order."""
     entries = {}
     for name, hint in get_type_hints(table, include_extras=True).items():
@@ -239,7 +239,7 @@ def declared(table: type) -> dict[str, Declared]:
 @cache
 def keys_of_options() -> dict[str, str]:
     """Return the configuration's key that each of a run's options sets, by the option's name."""
-    options = {name: entry.option for name, entry in declared(RunOptions).items()}
+    options = {name: entry.option for name, entry in options_of(RunOptions).items()}
     return {name: option.key for name, option in options.items() if option.key is not None}
 
 
@@ -267,7 +267,7 @@ def checked(table: type, options: Mapping[str, object], call: str) -> dict[str, 
     Raises:
         InputError: There is no such option, or a value has the wrong type or is out of range.
     """
-    entries = declared(table)
+    entries = options_of(table)
     for name in options:
         if name not in entries:
             near = difflib.get_close_matches(name, entries, n=1)

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from harness.commands.compare import Options as CompareOptions
-from harness.config.options import RunOptions, declared
+from harness.config.options import RunOptions, options_of
 from tests.fuzz.mutations import DONE, WORDS, spoilt_bytes, spoilt_table
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.truth.recorded import layouts
@@ -42,7 +42,7 @@ def command_line(folder: Path, rng: random.Random) -> list[str]:
         return [name, *rng.choices([*WORDS, "--to", "mot", "--out", "--json", "--force"], k=rng.randint(0, 3))]
     words = [name]
     # Of what is given twice the last counts, so what is said below is not worth spoiling.
-    entries = {key: entry for key, entry in declared(table).items() if name != "run" or key not in SAID_BELOW}
+    entries = {key: entry for key, entry in options_of(table).items() if name != "run" or key not in SAID_BELOW}
     for option in rng.sample(sorted(entries), rng.randint(1, 3)):
         flag = entries[option].option.flag or f"--{option.replace('_', '-')}"
         words += [flag] if entries[option].types[0] is bool else [flag, rng.choice(WORDS)]

@@ -20,7 +20,7 @@ from harness.trackers.protocol import TrackerSetting
 from harness.truth.recorded.source import open_recorded_traffic
 from mmpf import Memoryless, MixtureTracker, SensorModel, highway, motion_model, motion_models
 from mmpf.motion.protocol import checked_step
-from mmpf.registry import UnknownNameError, declared
+from mmpf.registry import UnknownNameError, entry_points_of
 from tests.harness.grid.test_cluster import dask_cluster
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.stand_ins import SteadyTraffic, observing
@@ -41,7 +41,7 @@ def install(folder: Path, name: str, entry_points: dict[str, dict[str, str]]) ->
         for line in (f"[{group}]", *(f"{key} = {value}" for key, value in points.items()))
     ]
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    declared.cache_clear()
+    entry_points_of.cache_clear()
 
 
 def returning(what: str) -> str:
@@ -60,7 +60,7 @@ def example(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(folder)
     yield folder
     sys.modules.pop("plugin_example", None)
-    declared.cache_clear()
+    entry_points_of.cache_clear()
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import harness
 from harness.commands.app import run_command_line
 from harness.common.watching import watched
 from harness.trackers.conformance.checks import tracker_checks
-from mmpf.registry import declared
+from mmpf.registry import entry_points_of
 from tests.harness.recorded_scene import write_recorded_scene
 from tests.harness.test_plug_ins import install
 
@@ -195,7 +195,7 @@ def test_a_tracker_that_ends_the_process_of_a_call_from_python_raises_an_error_t
 ):
     written(tmp_path, scene, name, step)
     install(tmp_path, "bad-trackers", {"harness.trackers": {"bad-one": "bad:make"}})
-    request.addfinalizer(declared.cache_clear)
+    request.addfinalizer(entry_points_of.cache_clear)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "bad", raising=False)
     before = signal.getsignal(signal.SIGINT)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.config.options import declared
+from harness.config.options import options_of
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.truth.recorded.formats import files_of, recognise
@@ -189,7 +189,7 @@ def test_fcd_sizes_come_from_the_types_declared_beside(suffix, tmp_path):
     frame = next(iter(opened(path).frames()))
     assert (set(frame.length_m), set(frame.width_m)) == ({6.5}, {2.1})
     assert [file.name for file in files_of(path, "fcd")] == ["fcd.xml", f"fcd.vtypes.xml{suffix}"]
-    assert request_of(dict.fromkeys(declared(GridOptions)) | {"replay": tmp_path}).replay == (str(path),)
+    assert request_of(dict.fromkeys(options_of(GridOptions)) | {"replay": tmp_path}).replay == (str(path),)
 
 
 @pytest.mark.parametrize("types", ['<additional><vType id="car" width="wide"/></additional>', "<additional><vType", ""])
@@ -297,5 +297,5 @@ def test_a_stress_test_of_a_kitti_folder_takes_each_sequence(tmp_path):
     labels = [tmp_path / "label_02" / name for name in ("0000.txt", "0001.txt")]
     for file in labels:
         file.touch()
-    asked = request_of(dict.fromkeys(declared(GridOptions)) | {"replay": tmp_path})
+    asked = request_of(dict.fromkeys(options_of(GridOptions)) | {"replay": tmp_path})
     assert asked.replay == tuple(map(str, labels))
