@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from harness.scoring.evidence.matching import Matching, find_track_rows
+from harness.scoring.evidence.plain_view import durations
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.rules import EVENT_JUDGED_S, MEMORY_S, TIME_TOLERANCE_S
 from harness.storage.schema import HIDDEN
@@ -15,8 +16,8 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 EVENT_S, HIDDEN_SHARE = 0.5, 0.7
 """Shortest time without detection of an event, and the share of it for which the vehicle must be hidden."""
-DETECTIONS_BEFORE, HISTORY_S = 10, 3.0
-"""Detections that the vehicle needs within a time before."""
+DETECTED_S, HISTORY_S = 1.0, 3.0
+"""How long the vehicle must have been detected, each detection lasting a step, within a time before."""
 REACQUIRE_LIMIT_S = 5.0
 """Longest time from re-detection to re-acquisition."""
 
@@ -56,9 +57,9 @@ def occlusion_events(rows: RunRows, matching: Matching) -> OcclusionEvents:
     """Find the occlusion events and judge them.
 
     An event is a time of ``EVENT_S`` to ``MEMORY_S`` between two successive detections of a vehicle, in which it
-    is hidden for at least ``HIDDEN_SHARE`` of the steps, after at least ``DETECTIONS_BEFORE`` detections in the
-    ``HISTORY_S`` up to the first. It is judged ``EVENT_JUDGED_S`` after the second, by the track that held the
-    vehicle at the first; if the vehicle is out of range or the episode over by then, it is no event.
+    is hidden for at least ``HIDDEN_SHARE`` of the steps, after detections at as many steps as ``DETECTED_S`` has (ten
+    at 10 Hz) in the ``HISTORY_S`` up to the first. It is judged ``EVENT_JUDGED_S`` after the second, by the track that
+    held the vehicle at the first; if the vehicle is out of range or the episode over by then, it is no event.
     Events are in the order of the truth rows.
     """
     onset, back = _detection_gaps(rows)
@@ -121,7 +122,8 @@ def _detection_gaps(rows: RunRows) -> tuple[IntArray, IntArray]:
     period_s = rows.time_s[-1] - rows.time_s[0] + HISTORY_S + 1.0 if len(rows.time_s) else 1.0
     clock = truth.vehicle * period_s + truth.time_s
     oldest = np.searchsorted(clock[detected], clock[onset] - HISTORY_S + TIME_TOLERANCE_S, side="right")
-    enough = place + 1 - oldest >= DETECTIONS_BEFORE
+    usual_s = float(np.median(durations(rows.time_s, rows.episode))) if len(rows.time_s) else DETECTED_S
+    enough = place + 1 - oldest >= np.round(DETECTED_S / usual_s)
     hidden = np.append(0, np.cumsum(truth.state == HIDDEN))
     between = back - onset - 1
     hidden_share = (hidden[back] - hidden[onset + 1]) / np.maximum(between, 1)

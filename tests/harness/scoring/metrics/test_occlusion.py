@@ -90,9 +90,11 @@ def test_what_is_no_occlusion_event(scene):
     assert score_run(*scene.track(7, lon=20.0, at=np.arange(scene.steps)).tables()).metrics["occlusion"]["events"] == 0
 
 
-def test_a_vehicle_with_fewer_than_ten_detections_in_the_three_seconds_before_makes_no_event():
-    for detections, events in ((9, 0), (10, 1)):
+@pytest.mark.parametrize("rate_hz", [5, 10, 25])
+def test_a_vehicle_detected_for_less_than_a_second_of_the_three_before_makes_no_event(rate_hz):
+    for detections, events in ((rate_hz - 1, 0), (rate_hz, 1)):
         seen = ((STEPS < GONE) & (GONE - detections <= STEPS)) | (STEPS >= BACK)
         dark = np.where((STEPS >= GONE) & (STEPS < BACK), "hidden", "visible")
         scene = Scene(END).vehicle("a", lon=20.0, state=dark, detected=seen).track(7, lon=20.0)
-        assert score_run(*scene.tables()).metrics["occlusion"]["events"] == events
+        tables = (table.assign(time_s=table["step"] / rate_hz) for table in scene.tables())
+        assert score_run(*tables).metrics["occlusion"]["events"] == events
