@@ -113,10 +113,7 @@ def metrics_page() -> str:
     for name, metric in METRICS.in_order().items():
         score = getattr(metric.score, "total", metric.score)
         keys = [f"`{key}`" for key in _keys(name, empty.get(name, {}))]
-        rows = [
-            (f"`{each.key}`", _cell(each.label), "more" if each.higher_is_better else "less")
-            for each in metric.quantities
-        ]
+        rows = [(f"`{each.key}`", _cell(each.label), each.better) for each in metric.quantities]
         shown = markdown_table(("key", "shown as", "better is"), rows) if rows else []
         parts = [f"## {name}", _explained(inspect.getdoc(score) or ""), "\n".join(shown), _listed(keys)]
         sections.append("\n\n".join(part for part in parts if part))

@@ -8,45 +8,54 @@ the reference is the true state extrapolated, over the windows at whose end the 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from functools import partial
 
 import pandas as pd
 
-from harness.scoring.metrics.pseudo_occlusion import NAME, SITUATIONS, USUAL_S
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
+from harness.scoring.metrics.pseudo_occlusion import CONSTANT, FOLLOWED, JUDGED, NAME, SITUATIONS, USUAL_S, WINDOWS
+from harness.scoring.metrics.quantity import Columns, Quantity, of_kinds
 from harness.storage.grid_rows import column_of
 from mmpf.numerics.arrays import FloatArray
 
 COASTING_TRACKER = "oracle-kalman"
 HIDDEN, TWO_TO_THREE_S = "against_coasting.hidden.", "against_coasting.by_seconds_hidden.2."
 OWN, COASTING, STEPS = "lon_m", "coasting_lon_m", "n"
-RATIO, TOTAL = "ratio", "coasting_total_m"
+RATIO = "ratio"
+
+
+def errors_of_runs(column: Columns, part: str) -> tuple[FloatArray, FloatArray]:
+    """Return each run's summed errors of a part and those of coasting there, both of shape (runs,)."""
+    own, coasting, n = (column(part + name) for name in (OWN, COASTING, STEPS))
+    return own * n, coasting * n
+
+
 QUANTITIES = (
     Quantity(HIDDEN + OWN, "MAE hidden where constant velocity follows too, m", decimals=2, weight=HIDDEN + STEPS),
     Quantity(HIDDEN + COASTING, "MAE of constant velocity there, m", decimals=2, weight=HIDDEN + STEPS),
     *(
-        Quantity(part + RATIO, f"{name} to that of constant velocity", decimals=2, weight=part + TOTAL)
+        Quantity(
+            part + RATIO, f"{name} to that of constant velocity", decimals=2, pooled=partial(errors_of_runs, part=part)
+        )
         for part, name in ((HIDDEN, "ratio"), (TWO_TO_THREE_S, "ratio, hidden 2-3 s,"))
     ),
 )
-ON_PURPOSE, WINDOWS, FOLLOWED, CONSTANT_TOTAL = f"{NAME}.", "windows", "followed_windows", "constant_velocity_total_m"
+ON_PURPOSE = f"{NAME}."
 ON_PURPOSE_SCORES = (
     Quantity("followed_percent", "followed, %", True, weight=WINDOWS),
-    Quantity(RATIO, RATIO, decimals=2, weight=CONSTANT_TOTAL),
-    Quantity("cost_m", "cost, m", decimals=2, weight=WINDOWS),
-    Quantity("same_id_percent", "same identity, %", True, weight=WINDOWS),
-    Quantity("ellipse90_percent", "in 90 % ellipse, %", True, weight=FOLLOWED),
+    Quantity(RATIO, RATIO, decimals=2, weight=CONSTANT),
+    Quantity("cost_m", "cost, m", decimals=2, limit=FOLLOW_CUTOFF_M, weight=WINDOWS),
+    Quantity("same_id_percent", "same identity, %", True, weight=JUDGED),
+    Quantity("ellipse90_percent", "in 90 % ellipse, %", best=90.0, weight=FOLLOWED),
 )
 
 
 def on_purpose(kinds: Iterable[str]) -> list[Quantity]:
     """Return the scores of vehicles hidden on purpose for given lengths and situations, weighed by what they are of."""
-    places = ((f"{ON_PURPOSE}{kind}.", score) for kind in kinds for score in ON_PURPOSE_SCORES)
-    return [replace(score, key=place + score.key, weight=place + score.weight) for place, score in places]
+    return [*of_kinds(NAME, dict.fromkeys(kinds, ""), *ON_PURPOSE_SCORES)]
 
 
-ON_PURPOSE_WEIGHTS = {each.key: each.weight for each in on_purpose(f"{seconds:g}s" for seconds in USUAL_S)}
-RATIO_TOTALS = {key: weight for key, weight in ON_PURPOSE_WEIGHTS.items() if key.endswith(f".{RATIO}")}
+RATIO_TOTALS = {f"{NAME}.{length:g}s.{RATIO}": f"{NAME}.{length:g}s.{CONSTANT}" for length in USUAL_S}
 
 
 def kinds_hidden_on_purpose(runs: pd.DataFrame) -> list[str]:
@@ -55,20 +64,3 @@ def kinds_hidden_on_purpose(runs: pd.DataFrame) -> list[str]:
     lengths = sorted((kind for kind in found if kind[:1].isdigit()), key=lambda kind: float(kind.removesuffix("s")))
     kinds = (*lengths, *SITUATIONS)
     return [kind for kind in kinds if (column_of(runs, f"{ON_PURPOSE}{kind}.{WINDOWS}") > 0.0).any()]
-
-
-def with_ratios(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return the runs with each one's ratio to coasting, and the ratio's weight: the summed error of constant velocity.
-
-    So weighed, the mean of the ratios over runs is the ratio of all errors together. Of vehicles hidden on purpose the
-    number of followed windows comes too.
-    """
-    columns: dict[str, FloatArray] = {}
-    for part in (HIDDEN, TWO_TO_THREE_S):
-        own, coasting, n = (column_of(runs, part + name) for name in (OWN, COASTING, STEPS))
-        columns |= {part + RATIO: own / coasting, part + TOTAL: coasting * n}
-    for place in (f"{ON_PURPOSE}{kind}." for kind in kinds_hidden_on_purpose(runs)):
-        followed = column_of(runs, place + WINDOWS) * column_of(runs, f"{place}followed_percent") / 100.0
-        total_m = followed * column_of(runs, f"{place}constant_velocity_m")
-        columns |= {place + FOLLOWED: followed, place + CONSTANT_TOTAL: total_m}
-    return runs.assign(**columns)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from harness.analysis import single
 from harness.analysis.arms import TOLERATED_LOSS, Arms, measure, pair
-from harness.analysis.coasting_ratio import RATIO_TOTALS, with_ratios
+from harness.analysis.coasting_ratio import RATIO_TOTALS
 from harness.analysis.experiments import differing, differing_code, on_other_traffic
 from harness.analysis.rules import PRIMARY, STEP_TIME, Rules, compared_quantities, name_of
 from harness.analysis.sources import SETTING, Source
@@ -153,7 +153,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         pairing = pair(rows_a, rows_b, [*SETTING, *a.axes])
         units = pairing.units
         wanting += [f"{label}: {lacking}" for lacking in pairing.lacking]
-        matched = with_ratios(rows_a.iloc[pairing.of_a]), with_ratios(rows_b.iloc[pairing.of_b])
+        matched = rows_a.iloc[pairing.of_a], rows_b.iloc[pairing.of_b]
         compared += len(pairing.of_a)
         if pairing.layout.paired and (elsewhere := int(on_other_traffic(*matched).sum())):
             other += elsewhere

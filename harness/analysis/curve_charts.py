@@ -67,7 +67,7 @@ def curve_charts(points: Sequence[Point], axis: str, leads: Mapping[Where, list[
             told = (("value", quantity.label), ("interval", "95 % interval"), ("seeds", "seeds"))
             tooltip = (("series", "tracker"), ("place", heading), *told)
             description = f"{quantity.label}, over {heading}, one line a tracker"
-            better = "higher is better" if quantity.higher_is_better else "lower is better"
+            better = f"{quantity.better} is better"
             charts.append(curves(quantity.label, description, heading, rows, lines, tooltip, limit, better=better))
     return Charts(tuple(charts), lines, NOTE, HINT)
 

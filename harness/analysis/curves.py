@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ import pandas as pd
 
 from harness.analysis import coasting_ratio
 from harness.common.intervals import NONNEGATIVE, Possible, possible_ci
-from harness.scoring.metrics import existence
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 from harness.storage.grid_rows import column_of
@@ -25,8 +25,6 @@ BREAK_PERCENT = 50.0
 BREAK_METRIC = "occlusion.same_id"
 FEWEST_EVENTS = 20
 """With fewer occlusions at a density, over all seeds, their share says nothing."""
-LEAST_POOLED = 1000
-"""Track-steps over all runs from which a tenth of the stated existence is judged in tables."""
 
 
 # The headline of hidden vehicles first, then errors, then identities.
@@ -45,7 +43,6 @@ TABLED = (
 IN_WORDS: dict[str, dict[str, Any]] = {
     "mae.hidden.lon_m": {"label": "MAE hidden (while followed), m"},
     "mot.id_switches": {"label": "identity switches a run", "decimals": 1, "weight": "", "scale": None},
-    **{key: {"weight": weight} for key, weight in coasting_ratio.ON_PURPOSE_WEIGHTS.items()},
 }
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ms", heading="ms a step")
 
@@ -152,7 +149,7 @@ def _values(table: pd.DataFrame, axis: str) -> int:
 
 def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
     """Return all curves' points of the rows of ``runs.parquet``, with axes beside network, density and demand."""
-    done = coasting_ratio.with_ratios(labelled(table))
+    done = labelled(table)
     told = [
         each for each in table_quantities() if not each.is_of_some_runs or np.isfinite(column_of(done, each.key)).any()
     ]
@@ -193,29 +190,11 @@ def ratio_of(sums: FloatArray, counts: FloatArray, possible: Possible = NONNEGAT
 
 def sums_and_weights(runs: pd.DataFrame, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
     """Return each run's sum of a quantity and its number of samples, both of shape (runs,); nan without a value."""
-    if quantity.key in (existence.LARGEST_GAP, existence.MEAN_GAP):
-        return _gap_sums(runs, quantity.key)
+    if quantity.pooled is not None:
+        return quantity.pooled(partial(column_of, runs))
     values = column_of(runs, quantity.key)
     weight = column_of(runs, quantity.weight) if quantity.weight else np.ones(len(runs))
     return values * weight if quantity.scale is None else quantity.scale * values, weight
-
-
-def _gap_sums(runs: pd.DataFrame, key: str) -> tuple[FloatArray, FloatArray]:
-    """Return sums and weights, both of shape (runs,), whose ratio over all runs is a gap of all runs together.
-
-    What is stated and what is there are summed over runs before they are compared, tenth by tenth. The mean of each
-    run's own largest gap is well above 0 for a perfect tracker too: of few track-steps in a tenth, chance is the gap.
-    """
-    steps, stated, observed = (
-        np.nan_to_num([column_of(runs, f"{existence.NAME}.deciles.{k}.{name}") for k in range(existence.DECILES)])
-        for name in ("n", "stated", "observed")
-    )
-    off = steps * (stated - observed)
-    total, size = off.sum(axis=1), steps.sum(axis=1)
-    if key == existence.MEAN_GAP:
-        return np.sign(total) @ off, steps.sum(axis=0)
-    worst = np.where(size >= LEAST_POOLED, np.abs(total) / np.maximum(size, 1.0), -1.0).argmax()
-    return np.sign(total[worst]) * off[worst], steps[worst] * float(size[worst] >= LEAST_POOLED)
 
 
 def summed_by(

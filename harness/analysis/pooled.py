@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from harness.analysis.coasting_ratio import kinds_hidden_on_purpose, on_purpose, with_ratios
+from harness.analysis.coasting_ratio import kinds_hidden_on_purpose, on_purpose
 from harness.analysis.curves import Ratio, labelled, ratio_of, summed_by, sums_and_weights
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
@@ -122,7 +122,7 @@ def pool_files(table: pd.DataFrame) -> Pooled:
 
     A file is one scene, whichever egos carry the sensor in it: it is what intervals take for independent.
     """
-    done = with_ratios(labelled(table))
+    done = labelled(table)
     groups = [(str(label), runs) for label, runs in done.groupby("label", sort=False)]
     switches = {label: int(runs["mot.id_switches"].sum()) for label, runs in groups}
     hidden = [error for label, runs in groups for error in _hidden_errors(label, runs)]

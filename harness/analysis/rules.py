@@ -46,11 +46,13 @@ class Limit(BaseModel):
     ceiling: float | None = None
 
     def check(self, quantity: Quantity) -> None:
-        """Refuse bounds that a metric can't reach or that exclude each other, and a tolerance of more than its value.
+        """Refuse a metric without a better end, bounds that it can't reach, and a tolerance of more than its value.
 
         Raises:
             InputError: They are such.
         """
+        if quantity.best is not None:
+            raise InputError(f"`primary`: {quantity.key} is best {quantity.better}, so that it gets no verdict")
         bounds = [value for value in (self.floor, self.ceiling) if value is not None]
         if bounds != sorted(bounds) or any(not quantity.least <= value <= quantity.most for value in bounds):
             told = f"give a floor and a ceiling above it, from {quantity.least:g} to {quantity.most:g}"

@@ -27,11 +27,13 @@ class Possible:
     """The least and the largest value that a mean can have.
 
     ``events`` says how many events one of its sums stands for, where it is a rate of events; 0 where it is none.
+    ``is_share`` says whether one that goes from 0 to a largest value is a share of that.
     """
 
     least: float = 0.0
     most: float = np.inf
     events: float = 0.0
+    is_share: bool = True
 
 
 NONNEGATIVE, ANY = Possible(), Possible(-np.inf)
@@ -53,7 +55,7 @@ def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible, exposu
     variance = clusters / (clusters - 1.0) * float((((sums - mean * counts) / total) ** 2).sum())
     # A variance of few clusters is itself uncertain: Student's quantile over the normal one, as Korn and Graubard do.
     few = (special.ndtri(1.0 - 0.5 * LEVEL) / special.stdtrit(clusters - 1, 1.0 - 0.5 * LEVEL)) ** 2
-    if possible.least == 0.0 and np.isfinite(possible.most):
+    if possible.is_share and possible.least == 0.0 and np.isfinite(possible.most):
         share = min(max(mean / possible.most, 0.0), 1.0)
         scatter = variance / possible.most**2
         if scatter > 0.0:

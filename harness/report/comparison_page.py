@@ -204,7 +204,7 @@ def comparison_charts(comparison: Judgement) -> Charts | None:
 def _row(verdict: Verdict, rules: Rules) -> dict[str, Any] | None:
     """Return a metric's difference in percent of a, better positive; None where that has no meaning."""
     quantity = quantity_of(verdict.metric)
-    if not verdict.a or not math.isfinite(verdict.difference):
+    if quantity.best is not None or not verdict.a or not math.isfinite(verdict.difference):
         return None
     scale = (100.0 if quantity.higher_is_better else -100.0) / abs(verdict.a)
     ends = sorted(scale * end for end in verdict.ci95) if math.isfinite(verdict.ci95[0]) else None

@@ -33,13 +33,12 @@ REPORTED = (
 )
 PRINTED = ("hidden", "pseudo_occlusion")
 """What the terminal shows of these; the page shows all."""
-ANEES, ANEES_HIDDEN = "calibration.anees.visible", "calibration.anees.hidden"
 IN_WORDS: Mapping[str, Mapping[str, Any]] = {
     "mot.id_switches": {"label": "identity switches in sight", "heading": "identity switches", "decimals": 0},
     "mot.missed": {"heading": "vehicle-steps without a track"},
     "mot.false_tracks": {"heading": "track-steps without a vehicle"},
-    ANEES: {"label": "ANEES of tracks on vehicles that are not hidden"},
-    ANEES_HIDDEN: {"label": "ANEES of tracks on hidden vehicles"},
+    "calibration.anees.visible": {"label": "ANEES of tracks on vehicles that are not hidden"},
+    "calibration.anees.hidden": {"label": "ANEES of tracks on hidden vehicles"},
 }
 OUT_OF = {"missed": "truth_n", "false_tracks": "tracks_n"}
 """What counts are out of, beside them in ``metrics.json``."""
@@ -65,7 +64,7 @@ def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -
     shown = {quantity.key for quantity in mot_columns()}
     others = [(quantity, quantity.of(metrics)) for quantity in view(listed, IN_WORDS) if quantity.key not in shown]
     return [
-        [quantity.label, number(value, quantity.decimals), better(quantity), _samples(quantity, metrics)]
+        [quantity.label, number(value, quantity.decimals), quantity.better, _samples(quantity, metrics)]
         for quantity, value in others
         if value is not None or not quantity.is_of_some_runs
     ]
@@ -74,13 +73,6 @@ def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -
 def _samples(quantity: Quantity, metrics: Mapping[str, Any]) -> str:
     count = replace(quantity, key=quantity.weight).of(metrics) if quantity.weight else None
     return number(count, 2, " km") if quantity.weight == KM else number(count, 0)
-
-
-def better(quantity: Quantity) -> str:
-    """Return which values of a score are better, in a word."""
-    if quantity.key in (ANEES, ANEES_HIDDEN):
-        return "near 1"
-    return "higher" if quantity.higher_is_better else "lower"
 
 
 def print_summary(metrics: Mapping[str, Any], folder: Path, *, is_log: bool = False) -> None:

@@ -25,14 +25,13 @@ NORMAL_95 = 1.959963984540054
 QUANTITIES = (
     Quantity(
         "calibration.anees.visible", "ANEES of tracks in view (1 is right)",
-        decimals=2, heading="ANEES in view", weight="calibration.visible.n",
+        decimals=2, heading="ANEES in view", best=1.0, weight="calibration.visible.n",
     ),
     Quantity(
         "calibration.anees.hidden", "ANEES of hidden tracks (1 is right)",
-        decimals=2, heading="ANEES hidden", weight="calibration.hidden.n",
+        decimals=2, heading="ANEES hidden", best=1.0, weight="calibration.hidden.n",
     ),
 )  # fmt: skip
-"""They have no direction, so nothing is compared."""
 ERRORS = ["lon_error_m", "lat_error_m", "speed_error_mps"]
 DEVIATIONS = ["std_lon_m", "std_lat_m", "std_speed_mps"]
 
@@ -59,17 +58,21 @@ def measure_calibration(evidence: Evidence) -> CalibrationPart:
         direction = evidence.rows.truth.direction_rad[kept]
         error = np.column_stack([*along_axes(error[:, 0], error[:, 1], direction), error[:, 2]])
     followed, hidden = evidence.errors.tracked, evidence.errors.state == HIDDEN
-    return _measured(error[followed], std[followed], hidden[followed])
+    return compare_deviations(error[followed], std[followed], hidden[followed])
 
 
 @of_whole
 def calibration_by_visibility(part: CalibrationPart) -> dict[str, object]:
     """Return the calibration over all followed vehicles, and of the (partly) ``visible`` and ``hidden`` among them.
 
-    ``anees`` is the ``nees`` of these two side by side: the average normalised estimation error squared over
-    longitudinal position, lateral position and speed, divided by the number of them that have a deviation (Bar-Shalom
-    et al. 2001, section 5.4.2). 1 is right, above is over-confident. A tracker may report a variance alone for each
-    axis, so errors of different axes are taken as uncorrelated.
+    Returns:
+        ``nees``: normalised estimation error squared over longitudinal position, lateral position and speed, divided by
+        the number of them that have a deviation (Bar-Shalom et al. 2001, section 5.4.2): 1 is right, above is
+        over-confident. Tracks report a variance for each axis alone, so errors of different axes are taken as
+        uncorrelated. ``nees_median``: its median, which a few far-off tracks do not move; an honest filter's is 0.789
+        (a third of the median of a chi-square with 3 degrees of freedom). ``coverage95``: percent of errors within 1.96
+        standard deviations, of each quantity. ``n``: number of estimates. ``anees``: the mean ``nees`` of the two side
+        by side. nan without estimates.
     """
     nees, hidden, inside, usable = part.nees, part.hidden, part.inside, part.usable
     visible_and_hidden = {
@@ -80,26 +83,15 @@ def calibration_by_visibility(part: CalibrationPart) -> dict[str, object]:
     return _calibrated(nees, inside.sum(axis=0), usable.sum(axis=0)) | visible_and_hidden | {"anees": anees}
 
 
-def calibration(error: FloatArray, std: FloatArray) -> dict[str, object]:
+def compare_deviations(error: FloatArray, std: FloatArray, hidden: BoolArray) -> CalibrationPart:
     """Compare errors with their claimed deviations.
 
     Args:
         error: Errors of longitudinal position, lateral position and speed, shape (n, 3).
         std: Their claimed standard deviations, shape (n, 3); an error whose deviation is nan or not positive is left
             out.
-
-    Returns:
-        ``nees``: normalised estimation error squared over the three, divided by their number: 1 is honest, above is
-        over-confident. Correlations are not reported by tracks, so it is the NEES of a diagonal covariance (Bar-Shalom
-        et al. 2001, section 5.4.2). ``nees_median``: its median, which a few far-off tracks do not move; an honest
-        filter's is 0.789 (a third of the median of a chi-square with 3 degrees of freedom). ``coverage95``: percent of
-        errors within 1.96 standard deviations, of each quantity. ``n``: number of estimates. nan without estimates.
+        hidden: Whether the vehicle is hidden, shape (n,).
     """
-    part = _measured(error, std, np.zeros(len(error), dtype=bool))
-    return _calibrated(part.nees, part.inside[0], part.usable[0])
-
-
-def _measured(error: FloatArray, std: FloatArray, hidden: BoolArray) -> CalibrationPart:
     usable = np.isfinite(error) & np.isfinite(std) & (std > 0.0)
     scaled = np.abs(np.divide(error, std, out=np.full_like(error, np.nan), where=usable))
     known = usable.sum(axis=1)

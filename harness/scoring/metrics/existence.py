@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,19 +11,44 @@ from harness.scoring.evidence.matching import gate_match
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Columns, Quantity
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 NAME = "existence_calibration"
 DECILES = 10
 LEAST_TRACK_STEPS = 200
 """Track-steps from which a tenth of the stated existence is judged."""
-LARGEST_GAP, MEAN_GAP = f"{NAME}.largest_gap", f"{NAME}.mean_gap"
+LEAST_POOLED = 1000
+"""Likewise of several runs together."""
+
+
+def gap_of_runs(column: Columns, largest: bool) -> tuple[FloatArray, FloatArray]:
+    """Return sums and weights of runs, both of shape (runs,), whose ratio is the largest or mean gap of all together.
+
+    What is stated and what is there are summed over runs before they are compared, tenth by tenth. The mean of each
+    run's own largest gap is well above 0 for a perfect tracker too: of few track-steps in a tenth, chance is the gap.
+    """
+    steps, stated, observed = (
+        np.nan_to_num([column(f"{NAME}.deciles.{k}.{name}") for k in range(DECILES)])
+        for name in ("n", "stated", "observed")
+    )
+    off = steps * (stated - observed)
+    total, size = off.sum(axis=1), steps.sum(axis=1)
+    if not largest:
+        return np.sign(total) @ off, steps.sum(axis=0)
+    worst = np.where(size >= LEAST_POOLED, np.abs(total) / np.maximum(size, 1.0), -1.0).argmax()
+    return np.sign(total[worst]) * off[worst], steps[worst] * float(size[worst] >= LEAST_POOLED)
+
+
 QUANTITIES = (
     Quantity(
-        LARGEST_GAP, "existence probability in sight: largest error, percentage points", heading="existence gap",
+        f"{NAME}.largest_gap", "existence probability in sight: largest error, percentage points",
+        heading="existence gap", pooled=partial(gap_of_runs, largest=True),
     ),
-    Quantity(MEAN_GAP, "existence probability in sight: mean error, percentage points", weight=f"{NAME}.n"),
+    Quantity(
+        f"{NAME}.mean_gap", "existence probability in sight: mean error, percentage points",
+        weight=f"{NAME}.n", pooled=partial(gap_of_runs, largest=False),
+    ),
     Quantity(f"{NAME}.brier", "existence probability in sight: Brier score", decimals=3, weight=f"{NAME}.n"),
 )  # fmt: skip
 

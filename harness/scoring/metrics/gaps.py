@@ -14,7 +14,7 @@ from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity, of_kinds
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -23,28 +23,12 @@ ALL, MOVING, PARKED = KINDS = ("all", "moving", "parked")
 LONG_S = 1.0
 
 
-def _quantities() -> tuple[Quantity, ...]:
-    told = []
-    for kind in KINDS:
-        words = "" if kind == ALL else f", {kind}"
-        told += [
-            Quantity(
-                f"{NAME}.{kind}.same_id", f"same identity after gaps{words}, %", True, weight=f"{NAME}.{kind}.events",
-                scale=100.0,
-            ),
-            Quantity(
-                f"{NAME}.{kind}.long_same_id", f"same identity after gaps of 1 s and more{words}, %", True,
-                weight=f"{NAME}.{kind}.long_events", scale=100.0,
-            ),
-            Quantity(
-                f"{NAME}.{kind}.position_m", f"position error in sight{words}, m", decimals=2,
-                weight=f"{NAME}.{kind}.n",
-            ),
-        ]  # fmt: skip
-    return tuple(told)
-
-
-QUANTITIES = _quantities()
+QUANTITIES = of_kinds(
+    NAME, {ALL: "", MOVING: f", {MOVING}", PARKED: f", {PARKED}"},
+    Quantity("same_id", "same identity after gaps{}, %", True, weight="events", scale=100.0),
+    Quantity("long_same_id", "same identity after gaps of 1 s and more{}, %", True, weight="long_events", scale=100.0),
+    Quantity("position_m", "position error in sight{}, m", decimals=2, weight="n"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

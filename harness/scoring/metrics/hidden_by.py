@@ -12,10 +12,11 @@ import numpy as np
 
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.evidence.events import other_track_after
+from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity, of_kinds
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -23,20 +24,13 @@ NAME = "hidden_by"
 CAUSES = ("vehicle", "building")
 
 
-def _quantities() -> tuple[Quantity, ...]:
-    told = []
-    for name in CAUSES:
-        key, kind = f"{NAME}.{name}", f", behind a {name}"
-        told += [
-            Quantity(f"{key}.hidden_cost_m", f"hidden cost{kind}, m", decimals=2, weight=f"{key}.n"),
-            Quantity(f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True, weight=f"{key}.hidden_n"),
-            Quantity(f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True, weight=f"{key}.events"),
-            Quantity(f"{key}.switch_percent", f"identity switched in occlusion{kind}, %", weight=f"{key}.events"),
-        ]  # fmt: skip
-    return tuple(told)
-
-
-QUANTITIES = _quantities()
+QUANTITIES = of_kinds(
+    NAME, {name: f", behind a {name}" for name in CAUSES},
+    Quantity("hidden_cost_m", "hidden cost{}, m", decimals=2, weight="n", limit=FOLLOW_CUTOFF_M),
+    Quantity("hidden_tracked_percent", "hidden tracked{}, %", True, weight="hidden_n"),
+    Quantity("same_id_percent", "same identity after occlusion{}, %", True, weight="events"),
+    Quantity("switch_percent", "identity switched in occlusion{}, %", weight="events"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -24,10 +24,13 @@ from mmpf.numerics.arrays import BoolArray, FloatArray
 COST, COST_N, IDENTITY_COST = "hidden.hidden_cost_m", "hidden.n", "hidden.identity_cost_m"
 FALSE_HIDDEN = "hidden.false_hidden_tracks_per_scan"
 QUANTITIES = (
-    Quantity(COST, "hidden cost (10 m if lost), m", decimals=2, heading="hidden cost m", weight=COST_N),
+    Quantity(
+        COST, "hidden cost (10 m if lost), m",
+        decimals=2, heading="hidden cost m", weight=COST_N, limit=FOLLOW_CUTOFF_M,
+    ),
     Quantity(FALSE_HIDDEN, "false hidden tracks a scan", decimals=2, heading="false hidden"),
     Quantity("hidden.followed_percent", "hidden with a track within 10 m, %", True, weight=COST_N),
-    Quantity(IDENTITY_COST, "hidden cost by identity, m", decimals=2, weight=COST_N),
+    Quantity(IDENTITY_COST, "hidden cost by identity, m", decimals=2, weight=COST_N, limit=FOLLOW_CUTOFF_M),
 )  # fmt: skip
 
 

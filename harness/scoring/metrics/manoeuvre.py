@@ -17,7 +17,7 @@ from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity, of_kinds
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
 
@@ -34,20 +34,13 @@ ONCOMING_RAD = 0.75 * np.pi
 """Angle between a vehicle's heading and the ego's from which it comes towards the ego."""
 
 
-def _quantities() -> tuple[Quantity, ...]:
-    told = []
-    for name in MANOEUVRES:
-        key, kind = f"{NAME}.{name}", f", {name}"
-        told += [
-            Quantity(f"{key}.position_m", f"position error in sight{kind}, m", decimals=2, weight=f"{key}.n"),
-            Quantity(f"{key}.speed_mps", f"speed MAE in sight{kind}, m/s", decimals=2, weight=f"{key}.n"),
-            Quantity(f"{key}.hidden_tracked_percent", f"hidden tracked{kind}, %", True, weight=f"{key}.hidden_n"),
-            Quantity(f"{key}.same_id_percent", f"same identity after occlusion{kind}, %", True, weight=f"{key}.events"),
-        ]  # fmt: skip
-    return tuple(told)
-
-
-QUANTITIES = _quantities()
+QUANTITIES = of_kinds(
+    NAME, {name: f", {name}" for name in MANOEUVRES},
+    Quantity("position_m", "position error in sight{}, m", decimals=2, weight="n"),
+    Quantity("speed_mps", "speed MAE in sight{}, m/s", decimals=2, weight="n"),
+    Quantity("hidden_tracked_percent", "hidden tracked{}, %", True, weight="hidden_n"),
+    Quantity("same_id_percent", "same identity after occlusion{}, %", True, weight="events"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -12,24 +12,23 @@ from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.mae import STATES
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity, of_kinds
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "motion"
 LARGE_JUMP_M, MOVING_MPS, COURSE_S = 1.0, 2.0, 0.5
-LABELS = {
-    "jerk_mps3": "jerk of tracks, root mean square{}, m/s³",
-    "jump_m": "change of a track's position error from step to step{}, m",
-    "large_jumps_percent": "steps at which the position error changes by more than 1 m{}, %",
-    "accel_mps2": "acceleration error{}, m/s²",
-    "heading_deg": "heading error of moving vehicles{}, °",
-}
-QUANTITIES = tuple(
-    Quantity(f"{NAME}.{state}.{name}", label.format(f", {state}"), decimals=2, weight=f"{NAME}.{state}.n")
-    for state in ("visible", "hidden")
-    for name, label in LABELS.items()
-)
+QUANTITIES = of_kinds(
+    NAME, {"visible": ", visible", "hidden": ", hidden"},
+    Quantity("jerk_mps3", "jerk of tracks, root mean square{}, m/s³", decimals=2, weight="jerk_n"),
+    Quantity("jump_m", "change of a track's position error from step to step{}, m", decimals=2, weight="n"),
+    Quantity(
+        "large_jumps_percent", "steps at which the position error changes by more than 1 m{}, %",
+        decimals=2, weight="n",
+    ),
+    Quantity("accel_mps2", "acceleration error{}, m/s²", decimals=2, weight="accel_n"),
+    Quantity("heading_deg", "heading error of moving vehicles{}, °", decimals=2, weight="heading_n"),
+)  # fmt: skip
 MEASURED = ("jerk", "true_jerk", "jump", "large", "accel", "heading")
 
 
@@ -90,7 +89,8 @@ def quality_of_motion(total: FloatArray) -> dict[str, object]:
         and ``true_jerk_mps3`` of the vehicles followed; ``jump_m``, mean length of the change of a track's position
         error from one step to the next, and ``large_jumps_percent``, the share above 1 m; ``accel_mps2``, mean absolute
         error of the acceleration that a track states; ``heading_deg``, that of the direction of its speed, in the plane
-        of its way over the last ``COURSE_S``, of vehicles at 2 m/s or more; ``n``, vehicle-steps. nan for nothing.
+        of its way over the last ``COURSE_S``, of vehicles at 2 m/s or more; ``n``, vehicle-steps,
+        and those of which acceleration, heading and jerk are known, such as ``jerk_n``. nan for nothing.
     """
     table: dict[str, object] = {}
     for name, sums in zip(STATES, total, strict=True):
@@ -99,6 +99,7 @@ def quality_of_motion(total: FloatArray) -> dict[str, object]:
             "jerk_mps3": float(np.sqrt(mean["jerk"])), "true_jerk_mps3": float(np.sqrt(mean["true_jerk"])),
             "jump_m": mean["jump"], "large_jumps_percent": mean["large"], "accel_mps2": mean["accel"],
             "heading_deg": mean["heading"], "n": int(sums[MEASURED.index("jump"), 1]),
+            **{f"{each}_n": int(sums[MEASURED.index(each), 1]) for each in ("jerk", "accel", "heading")},
         }  # fmt: skip
     return table
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Columns, Quantity
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 NAME = "never_seen"
@@ -16,12 +16,22 @@ EDGES = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
 """Expected vehicles a stretch at which the classes of the reliability curve meet."""
 LEAST_PROBABILITY = 1e-4
 
+
+def expected_over_counted_of_runs(column: Columns) -> tuple[FloatArray, FloatArray]:
+    """Return the vehicles expected and those counted in each run, both of shape (runs,)."""
+    stretches = column(f"{NAME}.stretches")
+    return column(f"{NAME}.expected") * stretches, column(f"{NAME}.counted") * stretches
+
+
 QUANTITIES = (
     Quantity(
         f"{NAME}.log_skill_percent", "undetected vehicles: log score gained over a constant density, %", True,
         weight=f"{NAME}.stretches", least=-np.inf,
     ),
-    Quantity(f"{NAME}.expected_over_counted", "undetected vehicles: expected over true number", True, 2),
+    Quantity(
+        f"{NAME}.expected_over_counted", "undetected vehicles: expected over true number", decimals=2, best=1.0,
+        pooled=expected_over_counted_of_runs,
+    ),
 )  # fmt: skip
 
 

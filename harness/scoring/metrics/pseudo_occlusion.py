@@ -20,7 +20,7 @@ from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.rules import EVENT_JUDGED_S, FOLLOW_CUTOFF_M, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import ROWS, of_any, of_whole
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity, of_kinds
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 NAME = "pseudo_occlusion"
@@ -32,22 +32,18 @@ TURN_RAD, SIDEWAYS_M = 0.2, 2.0
 """Change of heading of a turn, and sideways motion of a change of lanes."""
 CHI2_90 = 4.605
 """The 90 % quantile of chi-squared with two degrees of freedom."""
+WINDOWS, FOLLOWED, JUDGED = "windows", "followed_windows", "judged_windows"
+CONSTANT = "constant_velocity_total_m"
+"""Numbers behind the scores."""
 
 
-def _quantities() -> tuple[Quantity, ...]:
-    told = []
-    for key in (f"{seconds:g}s" for seconds in USUAL_S):
-        place, windows, words = f"{NAME}.{key}", f"{NAME}.{key}.windows", f"after {key} hidden on purpose"
-        told += [
-            Quantity(f"{place}.cost_m", f"position error {words} (10 m if lost), m", decimals=2, weight=windows),
-            Quantity(f"{place}.ratio", f"the same over constant velocity {words}", decimals=2, weight=windows),
-            Quantity(f"{place}.same_id_percent", f"same identity {words}, %", True, weight=windows),
-            Quantity(f"{place}.ellipse90_percent", f"90 % ellipse holds the truth {words}, %", True, weight=windows),
-        ]
-    return tuple(told)
-
-
-QUANTITIES = _quantities()
+QUANTITIES = of_kinds(
+    NAME, {f"{seconds:g}s": f"after {seconds:g}s hidden on purpose" for seconds in USUAL_S},
+    Quantity("cost_m", "position error {} (10 m if lost), m", decimals=2, weight=WINDOWS, limit=FOLLOW_CUTOFF_M),
+    Quantity("ratio", "the same over constant velocity {}", decimals=2, weight=CONSTANT),
+    Quantity("same_id_percent", "same identity {}, %", True, weight=JUDGED),
+    Quantity("ellipse90_percent", "90 % ellipse holds the truth {}, %", weight=FOLLOWED, best=90.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -170,9 +166,10 @@ def scores_of_pseudo_occlusions(windows: HiddenWindows) -> dict[str, object]:
         For ``all``, each length (``1s``) and each of ``SITUATIONS``: ``windows``; ``followed_percent``, those at whose
         end the track that held the vehicle lives and follows no other; ``error_m``, its mean distance then, and
         ``constant_velocity_m``, that of the true state at the last detection extrapolated at constant velocity, over
-        the same windows; ``ratio`` of the two; ``cost_m``, the mean of ``error_m`` over all windows, 10 m at most and
-        where no track follows; ``ellipse90_percent``, the followed ones whose 90 % ellipse contains the vehicle;
-        ``same_id_percent``, those after which the same track is on the vehicle half a second later. Empty where no
+        the same ``followed_windows``, with its sum ``constant_velocity_total_m``; ``ratio`` of the two; ``cost_m``, the
+        mean of ``error_m`` over all windows, 10 m at most and where no track follows; ``ellipse90_percent``, the
+        followed ones whose 90 % ellipse contains the vehicle; ``same_id_percent``, those after which the same track is
+        on the vehicle half a second later, of the ``judged_windows`` of vehicles still in range then. Empty where no
         vehicle is hidden on purpose.
     """
     everything = np.ones(len(windows.length_s), dtype=np.bool_)
@@ -190,10 +187,13 @@ def _scores(windows: HiddenWindows, chosen: BoolArray) -> dict[str, float]:
     cost_m = np.where(windows.followed, np.fmin(windows.error_m, longest_m), longest_m)[chosen]
     mean = partial(of_any, np.mean)
     return {
-        "windows": int(chosen.sum()),
+        WINDOWS: int(chosen.sum()),
+        FOLLOWED: int(followed.sum()),
+        JUDGED: int((chosen & windows.judged).sum()),
         "followed_percent": 100.0 * mean(windows.followed[chosen]),
         "error_m": mean(error_m),
         "constant_velocity_m": mean(constant_m),
+        CONSTANT: float(constant_m.sum()),
         "ratio": mean(error_m) / mean(constant_m) if len(error_m) and constant_m.sum() > 0.0 else np.nan,
         "cost_m": mean(cost_m),
         "ellipse90_percent": 100.0 * mean(windows.in_ellipse[followed]),

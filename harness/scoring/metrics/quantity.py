@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from harness.common.intervals import Possible
+from mmpf.numerics.arrays import FloatArray
+
+Columns = Callable[[str], FloatArray]
+"""Returns the values of a key in all runs, nan where a run has none, shape (runs,)."""
 
 OF_SOME_RUNS = frozenset(
     {
@@ -33,6 +37,10 @@ class Quantity:
         scale: Given where the number is a count: what count over ``weight`` is multiplied by, 100 for percent.
         is_counted: Whether it is a rate of events, which are counted over ``weight``.
         least: The least value that it can have; minus infinity of one with a sign.
+        limit: The largest value that it can have, where its label's unit does not tell.
+        best: The best value, where that lies between others: nothing is judged by it then.
+        pooled: Returns sums and weights of runs, both of shape (runs,), of which the ratio is the value of all runs
+            together; None for the mean by ``weight``.
     """
 
     key: str
@@ -44,6 +52,9 @@ class Quantity:
     scale: float | None = None
     least: float = 0.0
     is_counted: bool = False
+    limit: float = math.inf
+    best: float | None = None
+    pooled: Callable[[Columns], tuple[FloatArray, FloatArray]] | None = None
 
     def of(self, metrics: Mapping[str, Any]) -> float | None:
         """Return its value in the content of a ``metrics.json``; None where there is none."""
@@ -54,13 +65,19 @@ class Quantity:
 
     @property
     def most(self) -> float:
-        """The largest value that it can have, which its label's unit tells."""
-        return next((most for unit, most in MOST.items() if self.label.endswith(unit)), math.inf)
+        """The largest value that it can have."""
+        return next((most for unit, most in MOST.items() if self.label.endswith(unit)), self.limit)
+
+    @property
+    def better(self) -> str:
+        """Which values are better, in a word or two."""
+        return ("higher" if self.higher_is_better else "lower") if self.best is None else f"near {self.best:g}"
 
     @property
     def possible(self) -> Possible:
         """Which values its mean can have."""
-        return Possible(self.least, self.most, 1.0 / (self.scale or 1.0) if self.is_counted else 0.0)
+        events = 1.0 / (self.scale or 1.0) if self.is_counted else 0.0
+        return Possible(self.least, self.most, events, is_share=math.isinf(self.limit))
 
     @property
     def metric(self) -> str:
@@ -71,3 +88,12 @@ class Quantity:
     def is_of_some_runs(self) -> bool:
         """Whether tables in which nothing has a value leave it out."""
         return self.metric in OF_SOME_RUNS
+
+
+def of_kinds(name: str, kinds: Mapping[str, str], *scores: Quantity) -> tuple[Quantity, ...]:
+    """Return each score of each kind: both go before its key and weight, the kind's words into its label."""
+    places = ((f"{name}.{kind}.", words, score) for kind, words in kinds.items() for score in scores)
+    return tuple(
+        replace(score, key=place + score.key, label=score.label.format(words), weight=place + score.weight)
+        for place, words, score in places
+    )

@@ -89,14 +89,14 @@ def test_the_interval_of_a_breaking_point_covers_what_the_seeds_say():
 
 def test_the_ratio_to_coasting_is_that_of_all_errors_together_with_an_interval_over_seeds():
     def against(own: float, coasting: float, n: float) -> dict:
-        key, on_purpose = "against_coasting.hidden", "pseudo_occlusion.3s"
-        told = {f"{key}.lon_m": own, f"{key}.coasting_lon_m": coasting, f"{key}.n": n, f"{on_purpose}.windows": 2 * n}
-        told |= {f"{on_purpose}.followed_percent": 50.0, f"{on_purpose}.constant_velocity_m": coasting}
-        return told | {f"{on_purpose}.ratio": own / coasting}
+        on_purpose, values = "pseudo_occlusion.3s", {"lon_m": own, "coasting_lon_m": coasting, "n": n}
+        keys = [f"against_coasting.{key}" for key in ("hidden", "by_seconds_hidden.2")]
+        told = {f"{key}.{name}": value for key in keys for name, value in values.items()}
+        return told | {f"{on_purpose}.constant_velocity_total_m": coasting * n, f"{on_purpose}.ratio": own / coasting}
 
     table = pd.DataFrame([rows(20, 0, 10, **against(1.0, 2.0, 30)), rows(20, 1, 10, **against(6.0, 4.0, 10))])
-    for key in ("against_coasting.hidden.ratio", "pseudo_occlusion.3s.ratio"):
-        ratio = curve(table, key)[20]
+    for key in ("against_coasting.hidden", "against_coasting.by_seconds_hidden.2", "pseudo_occlusion.3s"):
+        ratio = curve(table, f"{key}.ratio")[20]
         assert ratio.mean == pytest.approx((30 + 60) / (60 + 40))
         assert 0.0 <= ratio.ci95[0] < ratio.mean < ratio.ci95[1]
 

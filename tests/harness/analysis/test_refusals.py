@@ -140,7 +140,8 @@ def test_comparisons_that_make_no_sense_are_refused_with_the_reason():
         (source(), source("b", rows(density=40.0)), "no setting in common"),
     ):  # fmt: skip
         assert reason in refused(a, b)
-    assert "`primary` x" in refused(source(), source(), Rules(primary=("mot.hota", "x")))
+    for key, reason in (("x", "`primary` x"), ("pseudo_occlusion.3s.ellipse90_percent", "best near 90")):
+        assert reason in refused(source(), source(), Rules(primary=("mot.hota", key)))
 
 
 def test_drives_are_judged_by_their_own_metrics_unless_others_are_named():

@@ -58,6 +58,12 @@ def test_every_interval_holds_its_mean_and_nothing_impossible(clusters, possible
         assert found.low < found.high
 
 
+def test_a_cost_with_a_limit_has_students_interval_up_to_there():
+    sums, counts = np.array([9.0, 10.0, 6.0]), np.ones(3)
+    free, within = (possible_ci(sums, counts, each) for each in (ERROR, Possible(0.0, 10.0, is_share=False)))
+    assert within.low == free.low < within.high == 10.0 < free.high
+
+
 def test_one_cluster_and_values_that_all_agree_tell_no_scatter():
     for values in (np.array([3.0]), np.full(3, 3.0)):
         assert np.isnan(possible_ci(values, np.ones(len(values)), ERROR).low)

@@ -7,7 +7,6 @@ import os
 import pandas as pd
 import pytest
 
-from harness.analysis.coasting_ratio import with_ratios
 from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.grid.cells import assemble, command_of
@@ -62,20 +61,6 @@ def test_the_table_of_a_grid_has_its_columns_in_a_fixed_order_and_of_fixed_types
     assert table["error"].tolist() == [None, "it broke", None, None]
     assert table["drive.ended"].tolist() == [None, "late", None, None]
     assert table["demand"].tolist() == [None] * 4
-
-
-def test_a_ratio_to_coasting_is_weighed_by_coastings_summed_error():
-    keys = ("hidden", "by_seconds_hidden.2")
-    runs = pd.DataFrame({
-        f"against_coasting.{key}.{name}": [value + place]
-        for place, key in enumerate(keys) for name, value in (("lon_m", 1.0), ("coasting_lon_m", 4.0), ("n", 10.0))
-    })  # fmt: skip
-    told = with_ratios(runs).iloc[0]
-    assert [told[f"against_coasting.{key}.ratio"] for key in keys] == [0.25, 0.4]
-    assert [told[f"against_coasting.{key}.coasting_total_m"] for key in keys] == [40.0, 55.0]
-    assert list(with_ratios(runs)) == [*runs, *(
-        f"against_coasting.{key}.{name}" for key in keys for name in ("ratio", "coasting_total_m")
-    )]  # fmt: skip
 
 
 def test_a_folder_is_taken_once_and_left_as_a_grids(tmp_path):

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from harness.scoring.metrics.calibration import calibration
+from harness.scoring.metrics.calibration import calibration_by_visibility, compare_deviations
+
+
+def calibration(error, std):
+    part = compare_deviations(error, std, np.zeros(len(error), dtype=bool))
+    return calibration_by_visibility([part], np.random.default_rng(0))
 
 
 def test_honest_deviations_give_a_nees_of_one_and_cover_95_percent():
@@ -24,13 +29,9 @@ def test_deviations_of_half_the_error_give_a_nees_of_four():
     assert result["coverage95"]["lat"] == pytest.approx(100 * (1 - 2 * norm.sf(1.96 / 2)), abs=1.0)
 
 
-def test_a_quantity_without_a_deviation_is_left_out_of_nees_and_coverage():
+def test_what_has_no_deviation_or_no_estimate_is_left_out_of_nees_and_coverage():
     result = calibration(np.array([[1.0, 2.0, 50.0]]), np.array([[1.0, 2.0, np.nan]]))
     assert result["nees"] == pytest.approx(1.0)
     assert np.isnan(result["coverage95"]["speed"])
-
-
-def test_no_estimates_give_no_figures():
-    result = calibration(np.zeros((0, 3)), np.zeros((0, 3)))
-    assert result["n"] == 0
-    assert np.isnan(result["nees"])
+    nothing = calibration(np.zeros((0, 3)), np.zeros((0, 3)))
+    assert (nothing["n"], np.isnan(nothing["nees"])) == (0, True)

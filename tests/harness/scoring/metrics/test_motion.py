@@ -27,7 +27,7 @@ def motion(off=0.0, speed=10.0, lat_speed=0.0, accel=0.0, state="visible", numbe
 
 def test_a_track_that_moves_as_its_vehicle_does_has_no_errors():
     found = motion()["visible"]
-    assert found.pop("n") == STEPS - 1
+    assert [found.pop(f"{name}n") for name in ("", "accel_", "heading_", "jerk_")] == [STEPS - 1] * 3 + [STEPS - 2]
     assert set(found.values()) == {0.0}
 
 
