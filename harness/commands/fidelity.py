@@ -3,13 +3,41 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Annotated, TypedDict
 
 import typer
 
-from harness.lab.fidelity.options import FidelityOptions
+from harness.config import options as shared
+from harness.config.options import Option
 
 
-def command(options: FidelityOptions) -> None:
+class Options(TypedDict):
+    """The options of ``fidelity``."""
+
+    net: shared.Net
+    demand: Annotated[str | None, Option("Names of demands, separated by commas. (default: all with measurements)")]
+    seeds: Annotated[str, Option("Number of seeds, or the range A:B without B.", default="0:5")]
+    minutes: Annotated[
+        float,
+        Option(
+            "Simulated minutes per run. The first that the recording undercounts (2 on us101) do not count.",
+            default=15.0,
+            least=1.0,
+            most=600.0,
+        ),
+    ]
+    fields: shared.RecordedFields
+    recordings: Annotated[
+        list[Path] | None, Option("File or folder of recorded vehicles, as for run --replay; repeatable.")
+    ]
+    workers: shared.OneWorker
+    out: Annotated[Path, Option("Folder to write.", default=Path("results/fidelity"))]
+    json: shared.Json
+    quiet: shared.Quiet
+
+
+def command(options: Options) -> None:
     """Compare the simulated traffic with measured traffic.
 
     Compares mean speed, flow, density, speed along the road, share of slow
@@ -23,7 +51,7 @@ def command(options: FidelityOptions) -> None:
       python -m harness fidelity --fields us101_fields
              --recordings ngsim --recordings commonroad
     """
-    from harness.lab.fidelity.report import judge_traffic  # noqa: PLC0415
+    from harness.lab.fidelity.comparison import judge_traffic  # noqa: PLC0415
 
     table = judge_traffic(options)
     if options["json"]:

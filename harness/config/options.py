@@ -105,6 +105,11 @@ Resume = Annotated[
 ]
 RetryFailed = Annotated[bool, Option("Like --resume, and repeat failed runs.", panel=EXECUTION, default=False)]
 Workers = Annotated[int | None, Option("Worker processes. (default: one per core)", panel=EXECUTION, least=1)]
+OneWorker = Annotated[int, Option("Number of worker processes.", default=1, least=1)]
+RecordedFields = Annotated[
+    Path | None,
+    Option("Folder of the recorded fields, to repeat the measurement. (default: the network's measured_file)"),
+]
 TimeoutPerRun = Annotated[
     float | None, Option("Stop and fail a run after this many seconds. (default: never)", panel=EXECUTION, least=0.1)
 ]

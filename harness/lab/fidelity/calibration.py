@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,6 @@ from harness.lab.fidelity.candidate import (
 )
 from harness.lab.fidelity.fields import read_fields
 from harness.lab.fidelity.measured import MEASURED_COMMENT, MeasuredSite, measure, measure_vehicles, read_measured
-from harness.lab.fidelity.options import CalibrationOptions
 from harness.lab.fidelity.samples import VehicleStatistics, merged
 from harness.lab.fidelity.simulate import RunJob, simulate_all
 from harness.lab.fidelity.statistics import PeriodStatistics, period_statistics
@@ -36,7 +35,7 @@ LAST_STEP = 0.3
 SKIP_S = 30.0
 
 
-def calibrate(options: CalibrationOptions, say: Callable[[str], object]) -> tuple[dict[str, Any], list[Path]]:
+def calibrate(options: Mapping[str, Any], say: Callable[[str], object]) -> tuple[dict[str, Any], list[Path]]:
     """Search for the drivers and demands that fit best, and write the mean of the later half of the candidates.
 
     Figures differ from seed to seed, so that the trial with the least misfit is the luckiest rather than the best.
@@ -92,7 +91,7 @@ def calibrate(options: CalibrationOptions, say: Callable[[str], object]) -> tupl
     return table, [out, network.calibration_file]
 
 
-def _measured(network: Network, options: CalibrationOptions) -> tuple[MeasuredSite, tuple[str, ...]]:
+def _measured(network: Network, options: Mapping[str, Any]) -> tuple[MeasuredSite, tuple[str, ...]]:
     """Return the measurements, from fields and recordings if these are given, and the demands to be calibrated."""
     site = read_measured(network)
     if options["fields"] is not None:
@@ -109,7 +108,7 @@ def _simulate(
     site: MeasuredSite,
     names: Sequence[str],
     seeds: Sequence[int],
-    options: CalibrationOptions,
+    options: Mapping[str, Any],
     on_run: Callable[[], None],
 ) -> tuple[dict[str, PeriodStatistics], VehicleStatistics]:
     """Return the figures of each demand and of all vehicles; schedules are compressed to the duration."""

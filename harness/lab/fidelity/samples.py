@@ -42,7 +42,6 @@ UNITS = {
     "vehicle_width": "m",
 }
 COLUMNS = ("vehicle_id", "lane", "lon_m", "speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
-RATE, RATE_UNIT = "lane_change_rate", "changes per vehicle and km"
 
 
 @dataclass(frozen=True)
