@@ -21,7 +21,7 @@ from harness.grid.making import Telling
 from harness.grid.pool import run_cells
 from harness.grid.stress import run_stress
 from harness.lab.ablation import IDEAL_ABLATIONS, IDEAL_SENSOR, ablation_request, ablation_rows, as_markdown
-from harness.lab.study import published, situations, study_text
+from harness.lab.study import situations, study, study_text
 from harness.lab.study.figures import draw_study
 from harness.lab.windows.car_following import STEPS
 from harness.report.folder_page import write_page
@@ -50,7 +50,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
         chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
         if options["models"] is not None and not chosen:
             raise InputError(f"`models` {options['models']}: it names no model; for example `models` gmm,cvm")
-        cases = published.StudyPlan(
+        cases = study.StudyPlan(
             *(case, chosen, options["model_file"], options["cases"], options["particles"], options["seed"]),
             *(traffic, options["cache"]),
         )
@@ -93,18 +93,18 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> Results:
 
 
 def _make_published(
-    plan: published.StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
+    plan: study.StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
 ) -> Results:
-    runs = plan.runs if plan.study in published.MODELS else 1
+    runs = plan.runs if plan.study in study.MODELS else 1
     title = f"study {plan.study}"
     with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
-        result, setting = published.make_study(plan, network, say, advance)
+        result, setting = study.make_study(plan, network, say, advance)
     draw_study(result, folder)
     return study_text.as_json(result.rows, setting), study_text.as_markdown(result, setting)
 
 
 def _make_situations(
-    plan: published.StudyPlan, net: Network, real: Path | None, say: Callable[[str], None], quiet: bool
+    plan: study.StudyPlan, net: Network, real: Path | None, say: Callable[[str], None], quiet: bool
 ) -> Results:
     if real is not None:
         parts, steps = situations.recorded_parts(real), situations.SHORT_STEPS

@@ -13,8 +13,7 @@ from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
 from harness.lab.fidelity.samples import whole_recording
 from harness.lab.fit.card import regimes_of
-from harness.lab.study.published import StudyPlan, model_of
-from harness.lab.study.study import score_row
+from harness.lab.study.study import StudyPlan, model_of, score_row
 from harness.lab.study.study_text import error_cell, setting_line
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases

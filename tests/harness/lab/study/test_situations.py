@@ -8,7 +8,7 @@ import pytest
 
 from harness.common.errors import InputError
 from harness.lab.study import situations
-from harness.lab.study.published import StudyPlan, model_of
+from harness.lab.study.study import StudyPlan, model_of
 from mmpf.motion.learned.empirical import load_empirical, save_empirical
 from tests.harness.lab.windows.test_windows import ROAD, changing, steady, traffic
 
