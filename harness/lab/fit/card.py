@@ -11,8 +11,7 @@ from harness.common.files import write_text
 from harness.common.markdown import markdown_table
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import following_cases
-from harness.lab.windows.filtering import follow
-from harness.lab.windows.scores import HORIZONS_S, score
+from harness.lab.windows.filtering import HORIZONS_S, follow, score
 from harness.truth.frame import STEP_S
 from mmpf.motion.protocol import MotionModel
 from mmpf.numerics.arrays import BoolArray, taken

@@ -20,8 +20,7 @@ from harness.common.files import write_toml
 from harness.lab.fit.card import TRAFFIC
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import Cases, following_cases
-from harness.lab.windows.filtering import follow
-from harness.lab.windows.scores import HORIZONS_S, score
+from harness.lab.windows.filtering import HORIZONS_S, follow, score
 from harness.truth.frame import STEP_S
 from mmpf.motion.idm import Adaptation, AdaptiveDriver, IdmParameters, intelligent_driver
 from mmpf.motion.kinematic import ProcessNoise, kinematic

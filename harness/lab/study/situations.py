@@ -18,7 +18,7 @@ from harness.lab.study.study_text import error_cell, setting_line
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import lane_change_windows
-from harness.lab.windows.filtering import follow
+from harness.lab.windows.filtering import HORIZONS_S, follow, score
 from harness.lab.windows.recording import (
     REPORTING_DURATION_S,
     Recording,
@@ -27,7 +27,6 @@ from harness.lab.windows.recording import (
     record_traffic,
     recording_of,
 )
-from harness.lab.windows.scores import HORIZONS_S, score
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.map.road import Road

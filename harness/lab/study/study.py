@@ -14,9 +14,8 @@ from harness.common.errors import InputError
 from harness.lab.windows.car_following import load_following
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
-from harness.lab.windows.filtering import NOISE, Cloud, follow, measure
+from harness.lab.windows.filtering import HORIZONS_S, NOISE, QUANTITIES, Cloud, Scores, follow, measure, score
 from harness.lab.windows.recording import DENSITIES_VEH_PER_KM_LANE, REPORTING_DURATION_S, first_to_last, record_traffic
-from harness.lab.windows.scores import HORIZONS_S, QUANTITIES, Scores, score
 from harness.trackers.mmpf import MODEL_LOADERS
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network

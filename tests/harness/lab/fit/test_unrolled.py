@@ -8,8 +8,7 @@ import pytest
 from harness.lab.fit.unrolled import crps_and_slope, first_weights, fit_residual, rollouts_of, score_and_gradient
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import cases_of
-from harness.lab.windows.filtering import follow
-from harness.lab.windows.scores import score
+from harness.lab.windows.filtering import follow, score
 from mmpf.motion.learned.driver import with_follower
 from mmpf.motion.learned.residual import INPUTS, SEEN, NetworkWeights, ResidualFollower
 

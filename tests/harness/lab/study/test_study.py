@@ -10,8 +10,7 @@ from harness.lab.study.study import COMPLETE, PARTIAL, run_study
 from harness.lab.study.study_text import as_json, as_markdown
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases
-from harness.lab.windows.filtering import follow, measure
-from harness.lab.windows.scores import score, weighted_crps
+from harness.lab.windows.filtering import follow, measure, score, weighted_crps
 from mmpf.motion.kinematic import ProcessNoise, kinematic
 from mmpf.motion.state import LON, SPEED
 from tests.harness.lab.windows.test_windows import ROAD, steady, traffic
