@@ -13,35 +13,16 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.files import replacing
-from harness.lab.fit import change_fit, recurrent_fit, unrolled
+from harness.lab.fit import change_fit, driver_fit, recurrent_fit, unrolled
 from harness.lab.fit.card import TRAFFIC, errors_by_regime, write_card
 from harness.lab.fit.change_fit import SCATTERED_SHARE, change_samples
-from harness.lab.fit.driver_fit import (
-    FOLLOWING_SAMPLES,
-    PROPOSED_CHANGES,
-    QUANTILES,
-    SHORT_SAMPLES,
-    driver_habit,
-    fit_driver,
-    fit_empirical,
-    short_samples,
-)
 from harness.lab.fit.mixture_em import START_SAMPLES, fit_mixture
-from harness.lab.fit.recovery import recovery_samples
 from harness.lab.fit.rival_fit import fit_adaptive, fit_idm, fit_noise, write_rivals
+from harness.lab.windows import recording
 from harness.lab.windows.car_following import STEPS, CarFollowing, load_following
 from harness.lab.windows.cases import cases_of, lane_change_cases
 from harness.lab.windows.changing import LaneChanges, changes_to_one_side_per_s, load_changes
-from harness.lab.windows.recording import (
-    DENSITIES_VEH_PER_KM_LANE,
-    HELD_OUT_SEEDS,
-    TRAINING_DURATION_S,
-    TUNING_DURATION_S,
-    first_to_last,
-    load_all,
-    record_traffic,
-    traffic_version,
-)
+from harness.lab.windows.recording import HELD_OUT_SEEDS
 from harness.truth.network.network import Network
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.learned import empirical, recurrent, residual
@@ -77,8 +58,8 @@ class TrainingPlan:
     seed: int
     cache: Path | None
     out: Path
-    densities: tuple[float, ...] = DENSITIES_VEH_PER_KM_LANE
-    duration_s: float = TRAINING_DURATION_S
+    densities: tuple[float, ...] = recording.DENSITIES_VEH_PER_KM_LANE
+    duration_s: float = recording.TRAINING_DURATION_S
 
     @property
     def size(self) -> int:
@@ -95,8 +76,8 @@ def train(plan: TrainingPlan, network: Network, say: Say) -> list[Path]:
     if plan.case not in CASES:
         raise InputError(f"`case` {plan.case}: no such case; give {', '.join(CASES)} or turning")
     training, tuning = (
-        record_traffic(network, seeds, duration_s, plan.cache, say, plan.densities)
-        for seeds, duration_s in ((plan.traffic, plan.duration_s), (HELD_OUT_SEEDS, TUNING_DURATION_S))
+        recording.record_traffic(network, seeds, duration_s, plan.cache, say, plan.densities)
+        for seeds, duration_s in ((plan.traffic, plan.duration_s), (HELD_OUT_SEEDS, recording.TUNING_DURATION_S))
     )
     with TemporaryDirectory(prefix="harness-train-") as folder:
         made = _train(replace(plan, out=Path(folder)), network, training, tuning, say)
@@ -123,8 +104,8 @@ def _train(
     every_change = lane_change_cases(held_changes, len(held_changes), np.random.default_rng(plan.seed))
     driver, adaptive = fit_idm(windows, plan.seed), fit_adaptive(windows, plan.seed)
     noise = fit_noise([cases_of(held_out), every_change], driver, adaptive)
-    write_rivals(plan.out, driver, adaptive, noise, traffic_version(network))
-    changes_per_s = changes_to_one_side_per_s(load_all(training))
+    write_rivals(plan.out, driver, adaptive, noise, recording.traffic_version(network))
+    changes_per_s = changes_to_one_side_per_s(recording.load_all(training))
     return _train_keeping(plan, network, windows, changes_per_s, held_out, say)
 
 
@@ -135,19 +116,19 @@ def _train_keeping(
     own, short = plan.out / "lane_keeping.npz", plan.out / "lane_keeping_short.npz"
     say(f"{len(windows)} windows of 10 s, {len(windows) * (STEPS - 1)} samples")
     with _of_enough_traffic(plan):
-        driver, follower = fit_driver(windows, changes_per_s, plan.size, plan.seed, say)
+        driver, follower = driver_fit.fit_driver(windows, changes_per_s, plan.size, plan.seed, say)
         save_driver(own, driver, follower)
         check_that_it_drives(load_learned_driver(own), own)
         say("fitting the paper's short-term model")
-        samples = short_samples(led, SHORT_SAMPLES, np.random.default_rng(plan.seed))
+        samples = driver_fit.short_samples(led, driver_fit.SHORT_SAMPLES, np.random.default_rng(plan.seed))
         mixture = fit_mixture(*samples, plan.size, plan.seed)
         SHORT.save(short, mixture)
         SHORT.load(short)
     say("scoring on held-out seeds")
     rng = np.random.default_rng(plan.seed)
     held_led = held_out.led
-    short_x, short_y = short_samples(held_led, HELD_OUT_SAMPLES, rng)
-    asked = recovery_samples(held_led, driver_habit(held_led), HELD_OUT_SAMPLES, rng)
+    short_x, short_y = driver_fit.short_samples(held_led, HELD_OUT_SAMPLES, rng)
+    asked = driver_fit.recovery_samples(held_led, driver_fit.driver_habit(held_led), HELD_OUT_SAMPLES, rng)
     facts = _facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1))
     own_fit = f"{follower.following.log_density(*asked).mean():.3f} nats (acceleration, recovery samples)"
     write_card(
@@ -155,9 +136,10 @@ def _train_keeping(
         "Learned driver for lane keeping (`gmm`, ours)",
         {
             **facts,
-            "Fit": f"{_fitted_to(FOLLOWING_SAMPLES, plan.seed)}; then again with the states that it reaches itself",
+            "Fit": _fitted_to(driver_fit.FOLLOWING_SAMPLES, plan.seed)
+            + "; then again with the states that it reaches itself",
             "Lane changes": f"{changes_per_s:.4f} per second to each side, counted in the training traffic; particles "
-            f"of drivers in sight take them up {PROPOSED_CHANGES:g} times as often",
+            f"of drivers in sight take them up {driver_fit.PROPOSED_CHANGES:g} times as often",
             "One-step log-likelihood on held-out seeds": own_fit,
         },
         errors_by_regime(LearnedDriver(driver, changes_lanes=False), held_out, plan.seed),
@@ -169,7 +151,7 @@ def _train_keeping(
         "Short-term model for lane keeping (`gmm-short`, as in the paper)",
         {
             **facts,
-            "Fit": _fitted_to(min(len(led) * (STEPS - 1), SHORT_SAMPLES), plan.seed),
+            "Fit": _fitted_to(min(len(led) * (STEPS - 1), driver_fit.SHORT_SAMPLES), plan.seed),
             "One-step log-likelihood on held-out seeds": short_fit,
         },
         errors_by_regime(short_term_driver(mixture), held_out, plan.seed),
@@ -202,10 +184,11 @@ def _train_follower(
         fit += f"{unrolled.PARTICLES} particles each, by JAX; seed {plan.seed}"
         size = f"a gated recurrent unit of {recurrent_fit.UNITS} numbers, {recurrent.OUTPUTS} outputs"
     else:
-        follower = fit_empirical(led)
+        follower = driver_fit.fit_empirical(led)
         empirical.save_empirical(path, follower)
         title, limits = "Recorded accelerations (`empirical`, a baseline)", EMPIRICAL_LIMITS
-        fit, size = "counted", f"{' x '.join(map(str, follower.changes_mps2.shape[:-1]))} cells, {QUANTILES} quantiles"
+        cells = " x ".join(map(str, follower.changes_mps2.shape[:-1]))
+        fit, size = "counted", f"{cells} cells, {driver_fit.QUANTILES} quantiles"
     facts = {**_facts(plan, net, len(windows) * (STEPS - 1), len(led) * (STEPS - 1)), "Fit": fit, "Size": size}
     model = replace(with_follower(follower, plan.case), changes_lanes=False)
     write_card(path.with_suffix(".md"), title, facts, errors_by_regime(model, held_out, plan.seed), limits)
@@ -261,16 +244,16 @@ def _facts(plan: TrainingPlan, net: Network, samples: int, used: int) -> dict[st
         paper = f"the paper's setting is {PAPER_COMPONENTS[plan.case]}, kept for comparison and speed"
         mixture = {"Components": f"{plan.size} ({paper}), full covariances"}
         options = f" --components {plan.size}"
-    if plan.densities != DENSITIES_VEH_PER_KM_LANE:
+    if plan.densities != recording.DENSITIES_VEH_PER_KM_LANE:
         options += f" --densities {densities.replace(', ', ',')}"
-    if plan.duration_s != TRAINING_DURATION_S:
+    if plan.duration_s != recording.TRAINING_DURATION_S:
         options += f" --duration {plan.duration_s:g}"
     return {
         "Command": f"`python -m harness train --net {net.name} --case {plan.case} "
         f"--seeds {plan.traffic.start}:{plan.traffic.stop} --seed {plan.seed}{options}`",
-        TRAFFIC: traffic_version(net),
+        TRAFFIC: recording.traffic_version(net),
         "Data": f"SUMO, of each seed {plan.duration_s:g} s at each of {densities} vehicles per km and lane",
-        "Seeds": f"trained on {first_to_last(plan.traffic)}; held out {first_to_last(HELD_OUT_SEEDS)}",
+        "Seeds": "trained on {}; held out {}".format(*map(recording.first_to_last, (plan.traffic, HELD_OUT_SEEDS))),
         "Samples": f"{samples} extracted, {used} of them with a leader or around a lane change",
         **mixture,
     }

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.lab.fit.driver_fit import FEWEST, fit_empirical
+from harness.lab.fit.driver_fit import FEWEST, demonstrated_samples, fit_empirical, recovery_samples
 from harness.lab.fit.mixture_em import fit_mixture
-from harness.lab.fit.recovery import demonstrated_samples, recovery_samples
 from mmpf.motion.learned.features import situation
 from tests.harness.lab.fit.test_unrolled import windows
 
@@ -63,7 +62,7 @@ def test_who_is_too_near_is_told_to_slow_down_and_who_is_too_far_to_speed_up():
 
 
 def test_demonstrated_behaviour_closes_the_gap_again(monkeypatch):
-    monkeypatch.setattr("harness.lab.fit.recovery.PERTURBED_SHARE", 1.0)
+    monkeypatch.setattr("harness.lab.fit.driver_fit.PERTURBED_SHARE", 1.0)
     led = steady_following()
     rng = np.random.default_rng(3)
     model = fit_mixture(*recovery_samples(led, HABIT, 3000, rng), 3, seed=0)

@@ -38,7 +38,7 @@ def test_wrong_input_ends_with_two_and_one_line(arguments, words, capsys):
 def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeypatch):
     for name, value in (("FOLLOWING_SAMPLES", 2000), ("SHORT_SAMPLES", 2000), ("ROLLOUTS", 10)):
         monkeypatch.setattr(driver_fit, name, value)
-    monkeypatch.setattr(train, "TUNING_DURATION_S", 30.0)
+    monkeypatch.setattr("harness.lab.windows.recording.TUNING_DURATION_S", 30.0)
     monkeypatch.setattr("harness.lab.fit.rival_fit.GENERATIONS", 1)
     places = tmp_path / "cache", tmp_path / "models"
     plan = TrainingPlan("lane-keeping", 4, range(1000, 1001), 0, *places, densities=(8.0, 22.0), duration_s=40.0)
@@ -66,7 +66,8 @@ def test_a_fit_that_its_reader_would_refuse_says_that_there_is_too_little_traffi
     flat[0, 0, 1] = flat[0, 1, 0] = 1e-40
     fitted = replace(sound, mixture=replace(sound.mixture, covariances=flat))
     samples = {"load_changes": range(60), "change_samples": ((), ())}
-    for name, made in {"record_traffic": [], **samples, "fit_mixture": fitted}.items():
+    monkeypatch.setattr(train.recording, "record_traffic", lambda *_: [])
+    for name, made in {**samples, "fit_mixture": fitted}.items():
         monkeypatch.setattr(train, name, lambda *_, made=made: made)
     plan = TrainingPlan("lane-change", 4, range(1000, 1001), 0, None, tmp_path / "models", duration_s=25.0)
     with pytest.raises(InputError, match=r"^`duration` 25: too little traffic .*; give more of `duration` or `seeds`$"):
