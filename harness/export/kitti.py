@@ -18,19 +18,8 @@ from harness.common.errors import InputError
 from harness.running.finished import RecordedRun
 from harness.storage.tables import floats
 from harness.truth.frame import STEP_S
-from harness.truth.recorded.detected.kitti import (
-    ANGLE,
-    BOX,
-    PICTURE,
-    SCORE,
-    CameraWay,
-    SequenceFiles,
-    boxes_in_plane,
-    of_vehicles,
-    read_detections,
-    read_poses,
-    sequences,
-)
+from harness.truth.recorded.detected import kitti
+from harness.truth.recorded.detected.kitti import CameraWay
 from harness.truth.recorded.detected.origin import GATE_M, pairs_within
 from harness.truth.recorded.detected.recorded_drive import RecordedBoxes, step_starts
 from harness.truth.recorded.formats import least_score_of
@@ -74,7 +63,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         raise InputError(f"`to` kitti: {run.folder} was not made from a {NAME} recording")
     least_score = least_score_of(NAME, recording.least_score)
     first = round(recording.start_s / STEP_S)
-    read = [(files, _read(files, least_score)) for files in sequences(Path(run.config.replay))]
+    read = [(files, _read(files, least_score)) for files in kitti.sequences(Path(run.config.replay))]
     played = [(files.labels.name, sequence) for files, sequence in read if len(sequence.way.shift) > first]
     if len(played) != run.truth["episode"].nunique():
         raise InputError(f"`to` kitti: {run.config.replay} has other sequences than when {run.folder} was made")
@@ -88,12 +77,12 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     return [*written, Path(shutil.copyfile(Path(__file__).with_name(SCRIPT), folder / SCRIPT_NAME))]
 
 
-def _read(files: SequenceFiles, least_score: float) -> _Sequence:
-    way = read_poses(files.poses)
-    rows = of_vehicles(read_detections(files.detections))
-    rows = rows[rows[:, SCORE] >= least_score]
-    boxes = boxes_in_plane(files.detections, rows[:, 0], rows[:, BOX], way)
-    place = (way.rotation[boxes.step] @ rows[:, BOX][:, 3:6, None])[:, :, 0] + way.shift[boxes.step]
+def _read(files: kitti.SequenceFiles, least_score: float) -> _Sequence:
+    way = kitti.read_poses(files.poses)
+    rows = kitti.of_vehicles(kitti.read_detections(files.detections))
+    rows = rows[rows[:, kitti.SCORE] >= least_score]
+    boxes = kitti.boxes_in_plane(files.detections, rows[:, 0], rows[:, kitti.BOX], way)
+    place = (way.rotation[boxes.step] @ rows[:, kitti.BOX][:, 3:6, None])[:, :, 0] + way.shift[boxes.step]
     return _Sequence(rows, boxes, way, step_starts(boxes.step, len(way.shift)), place[:, 1])
 
 
@@ -140,5 +129,6 @@ def _line(step: int, number: int, box: _Box, place: tuple[float, float], way: Ca
     centre = back @ (np.array([x_right, box.down_m, z_ahead]) - way.shift[step])
     front = back @ np.array([-np.sin(box.heading_rad), 0.0, np.cos(box.heading_rad)])
     turn = np.arctan2(-front[2], front[0])
-    numbers = [box.row[ANGLE], *box.row[PICTURE], *box.row[BOX][:3], *centre, turn, box.row[SCORE]]
+    row = box.row
+    numbers = [row[kitti.ANGLE], *row[kitti.PICTURE], *row[kitti.BOX][:3], *centre, turn, row[kitti.SCORE]]
     return f"{step} {number} Car 0 0 " + " ".join(f"{value:.6f}" for value in numbers)

@@ -17,18 +17,8 @@ from harness.config.layers import leaves
 from harness.config.model import DEFAULT_TRACKER, RunConfig, TrackerConfig, TrafficConfig
 from harness.config.options import keys_of_options
 from harness.running.provenance import model_files
+from harness.storage import schema
 from harness.storage.grid_rows import TEXT_COLUMNS, Row, flattened
-from harness.storage.schema import (
-    DEMAND,
-    DENSITY,
-    MISMATCH,
-    MODEL_FILE,
-    NET,
-    RECORDING,
-    RUN_IDENTITY,
-    RUN_OUTCOME,
-    SEED,
-)
 
 FULL_DISK = "full_disk_errno"
 CellTraffic = tuple[TrafficConfig, int, str | None]
@@ -122,18 +112,18 @@ class PlannedRun:
         traffic, tracker = self.config.traffic, self.config.tracker
         models = [f"{name} {digest[:8]}" for name, digest in model_files(self.config).items()]
         return {
-            NET: traffic.net,
-            DENSITY: traffic.density,
-            DEMAND: traffic.demand,
-            **({RECORDING: Path(self.config.replay).name} if self.config.replay is not None else {}),
+            schema.NET: traffic.net,
+            schema.DENSITY: traffic.density,
+            schema.DEMAND: traffic.demand,
+            **({schema.RECORDING: Path(self.config.replay).name} if self.config.replay is not None else {}),
             "tracker": tracker.name,
             "variant": self.variant,
             "model": tracker.model,
-            **({MODEL_FILE: models[0]} if models else {}),
+            **({schema.MODEL_FILE: models[0]} if models else {}),
             "update": tracker.update,
-            SEED: self.config.seed,
+            schema.SEED: self.config.seed,
             **self.varied,
-            **({MISMATCH: self.mismatch} if self.mismatch is not None else {}),
+            **({schema.MISMATCH: self.mismatch} if self.mismatch is not None else {}),
         }
 
 
@@ -163,7 +153,7 @@ def assemble(grid: GridPlan, rows: Mapping[str, Row]) -> pd.DataFrame:
     """Return the table of a grid, one row for each run in the grid's order, columns in a fixed order."""
     ordered = [rows[run.key] for run in grid.runs]
     metrics = dict.fromkeys(name for row in ordered for name in row)
-    identity, outcome = ([column.name for column in columns] for columns in (RUN_IDENTITY, RUN_OUTCOME))
+    identity, outcome = ([column.name for column in columns] for columns in (schema.RUN_IDENTITY, schema.RUN_OUTCOME))
     head = [*identity, *grid.axes, *outcome]
     columns = [*head, *sorted(name for name in metrics if name not in head)]
     table = pd.DataFrame({name: [row.get(name) for row in ordered] for name in columns})

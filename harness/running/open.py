@@ -25,16 +25,8 @@ from harness.trackers.catalogue import build_tracker
 from harness.trackers.protocol import AnyTracker, TrackerSetting
 from harness.truth.frame import TruthSource
 from harness.truth.network.network import Network, load_network
+from harness.truth.recorded import formats
 from harness.truth.recorded.detected.source import open_drives
-from harness.truth.recorded.formats import (
-    BAG,
-    FORMATS,
-    brings_detections,
-    check_map,
-    files_of,
-    least_score_of,
-    read_drives,
-)
 from harness.truth.recorded.source import open_recorded_traffic
 from harness.truth.sumo.plane_traffic import BEYOND_RANGE_M, REACH_M
 from harness.truth.sumo.simulation import open_traffic
@@ -99,12 +91,12 @@ def _recorded(path: Path, config: RunConfig) -> SnapshotStream:
     if recording is None:
         raise InputError(f"`replay`: {path} is not a run's folder, and no format of recorded traffic is set")
     if recording.map:
-        check_map(recording.format)
-    if brings_detections(recording.format):
+        formats.check_map(recording.format)
+    if formats.brings_detections(recording.format):
         return _given(path, config, recording)
     if recording.least_score is not None:
         raise InputError(f"`traffic.recording.least_score`: {recording.format} brings no detections; leave it out")
-    if recording.format == BAG:
+    if recording.format == formats.BAG:
         return snapshots_of_bag(path, config)
     sensor = _sensor(config)
     truth = open_recorded_traffic(
@@ -112,7 +104,7 @@ def _recorded(path: Path, config: RunConfig) -> SnapshotStream:
     )
     return replace(
         observe_traffic(truth, sensor, config.seed),
-        files={f"replay/{file.name}": file for file in files_of(path, recording.format)},
+        files={f"replay/{file.name}": file for file in formats.files_of(path, recording.format)},
         report=truth.report(),
         about={"recording": truth.summary()},
     )
@@ -121,12 +113,12 @@ def _recorded(path: Path, config: RunConfig) -> SnapshotStream:
 def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> SnapshotStream:
     """Return snapshots of drives whose detections are on record."""
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
-    drives = read_drives(path, recording.format, recording.map)
-    least_score = least_score_of(recording.format, recording.least_score)
+    drives = formats.read_drives(path, recording.format, recording.map)
+    least_score = formats.least_score_of(recording.format, recording.least_score)
     truth = open_drives(path, recording.format, drives, config.traffic.duration_s, recording.start_s, least_score)
     return replace(
-        observe_traffic(truth, GivenDetections(settings, truth, FORMATS[recording.format].scores), config.seed),
-        files={f"replay/{file.parent.name}/{file.name}": file for file in files_of(path, recording.format)},
+        observe_traffic(truth, GivenDetections(settings, truth, formats.FORMATS[recording.format].scores), config.seed),
+        files={f"replay/{file.parent.name}/{file.name}": file for file in formats.files_of(path, recording.format)},
         report=truth.report(),
         about={"recording": truth.summary()},
     )

@@ -13,18 +13,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.lab.fit.unrolled import (
-    PARTICLES,
-    POSITION_SCORE,
-    SPEED_SCORE,
-    WINDOWS,
-    Array,
-    Weights,
-    rollouts_of,
-    scaling_of,
-    searched,
-    share_of,
-)
+from harness.lab.fit import unrolled
+from harness.lab.fit.unrolled import PARTICLES, Array, Weights
 from harness.lab.windows.car_following import CarFollowing
 from mmpf.motion.learned.features import FURTHEST_LEADER_M, SITUATION_SIZE, SMALLEST_GAP_M
 from mmpf.motion.learned.recurrent import NOISE, OUTPUTS, RecurrentWeights
@@ -54,22 +44,22 @@ def fit_recurrent(
         InputError: JAX is not installed.
     """
     rng = np.random.default_rng(seed)
-    scaling = scaling_of(windows.led)
+    scaling = unrolled.scaling_of(windows.led)
     parts = [part[:SITUATION_SIZE] for part in scaling[:4]]
     score_and_gradient = compiled_score(*parts)
 
     def score_of_some(weights: Weights) -> tuple[float, Weights]:
-        chosen = rng.choice(len(windows), size=min(WINDOWS, len(windows)), replace=False)
+        chosen = rng.choice(len(windows), size=min(unrolled.WINDOWS, len(windows)), replace=False)
         score, gradient = score_and_gradient(weights, drawn_inputs(windows, chosen, rng))
         return float(score), {name: np.asarray(g) for name, g in gradient.items()}
 
-    weights = searched(first_weights(rng, UNITS), score_of_some, iterations, say)
+    weights = unrolled.searched(first_weights(rng, UNITS), score_of_some, iterations, say)
     return network_of(parts, weights)
 
 
 def network_of(scaling: Sequence[Array], weights: Weights) -> RecurrentWeights:
     """Return the network of four rows of scaling and weights by name, of which the lag is a logit."""
-    values = weights | {"lag": share_of(weights["lag"])}
+    values = weights | {"lag": unrolled.share_of(weights["lag"])}
     return RecurrentWeights(*scaling, **{name: np.asarray(w, dtype=np.float32) for name, w in values.items()})
 
 
@@ -90,7 +80,7 @@ def first_weights(rng: np.random.Generator, units: int) -> Weights:
 
 def drawn_inputs(windows: CarFollowing, chosen: IntArray, rng: np.random.Generator) -> Inputs:
     """Return what ``compiled_score`` needs of the windows ``chosen``: b windows, p particles each, over time."""
-    rollouts = rollouts_of(windows, chosen, PARTICLES, rng)
+    rollouts = unrolled.rollouts_of(windows, chosen, PARTICLES, rng)
     steps, count = rollouts.leader_m.shape
     scatter = rng.standard_normal((3, steps, count)).swapaxes(0, 1)
     seen_steps = rng.choice(SEEN_STEPS, size=len(chosen))
@@ -113,7 +103,7 @@ def drawn_inputs(windows: CarFollowing, chosen: IntArray, rng: np.random.Generat
     steps_alone = np.arange(steps)[:, None] - seen_steps
     scored = (steps_alone > 0) & (steps_alone % SCORED_EVERY == 0)
     seconds = np.where(scored, steps_alone, 1) * DT
-    for name, (factor, power) in {"m": POSITION_SCORE, "mps": SPEED_SCORE}.items():
+    for name, (factor, power) in {"m": unrolled.POSITION_SCORE, "mps": unrolled.SPEED_SCORE}.items():
         # As often as a step is scored in the other fit, at its weight.
         inputs[f"weight_{name}"] = scored * factor * seconds**power / len(chosen)
     return {name: v if v.dtype == np.bool_ else np.asarray(v, dtype=np.float32) for name, v in inputs.items()}

@@ -15,17 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from harness.lab.windows.car_following import CarFollowing
+from mmpf.motion.learned import residual
 from mmpf.motion.learned.features import FURTHEST_LEADER_M, SMALLEST_GAP_M, log_headway
-from mmpf.motion.learned.residual import (
-    FITTED_STEP_S,
-    IDM_RANGE_MPS2,
-    INPUTS,
-    SEEN,
-    STRONGEST_LEADER_MPS2,
-    TIME_SCALES_S,
-    USUAL_DRIVER,
-    NetworkWeights,
-)
+from mmpf.motion.learned.residual import NetworkWeights
 from mmpf.numerics.arrays import FloatArray, IntArray, taken
 
 HIDDEN_UNITS = 16
@@ -40,7 +32,7 @@ POSITION_WEIGHT, SPEED_WEIGHT = (f * (SCORED_STEPS * 0.1) ** power for f, power 
 WRONG_SHARE, WRONG_GAP_M, WRONG_SPEED_MPS, WRONG_ACCEL_MPS2 = 0.5, 2.0, 0.5, 0.5
 UNKNOWN_SHARE = 0.2
 RANGE_QUANTILES = (0.0005, 0.9995)
-DT = FITTED_STEP_S
+DT = residual.FITTED_STEP_S
 
 Array = npt.NDArray[np.floating]
 Weights = dict[str, Array]
@@ -115,9 +107,9 @@ def searched(
 
 def first_weights(rng: np.random.Generator, hidden: int) -> Weights:
     """Return weights to begin with; the lag is kept as its logit."""
-    sizes: dict[str, tuple[int, ...]] = {"w1": (INPUTS, hidden), "b1": (hidden,), "w2": (hidden, hidden)}
+    sizes: dict[str, tuple[int, ...]] = {"w1": (residual.INPUTS, hidden), "b1": (hidden,), "w2": (hidden, hidden)}
     sizes |= {"b2": (hidden,), "w3": (hidden,), "b3": (1,)}
-    scale = {"w1": INPUTS**-0.5, "w2": hidden**-0.5, "w3": 0.1 * hidden**-0.5}
+    scale = {"w1": residual.INPUTS**-0.5, "w2": hidden**-0.5, "w3": 0.1 * hidden**-0.5}
     drawn = {name: scale.get(name, 0.0) * rng.standard_normal(size) for name, size in sizes.items()}
     return {name: w.astype(np.float32) for name, w in (drawn | {"lag": np.array([-1.7])}).items()}
 
@@ -126,7 +118,7 @@ def scaling_of(led: CarFollowing) -> NetworkWeights:
     """Return a network that has nothing yet but the scaling of its inputs, given windows behind leaders."""
     headway = np.repeat(log_headway(led.gap_m[:, 0], led.speed_mps[:, 0]), led.gap_m.shape[1])
     columns = (np.log(np.maximum(led.gap_m, SMALLEST_GAP_M)), led.speed_mps, led.accel_mps2)
-    leader = (led.speed_mps - led.leader_speed_mps, np.clip(led.leader_accel_mps2, *STRONGEST_LEADER_MPS2))
+    leader = (led.speed_mps - led.leader_speed_mps, np.clip(led.leader_accel_mps2, *residual.STRONGEST_LEADER_MPS2))
     seen = np.stack([*(column.ravel() for column in (*columns, *leader)), headway])
     low, high = np.quantile(seen, RANGE_QUANTILES, axis=1)
     parts = (low, high, seen.mean(axis=1), seen.std(axis=1) + 1e-6)
@@ -147,15 +139,15 @@ def rollouts_of(windows: CarFollowing, chosen: IntArray, particles: int, rng: np
     leader_m = ahead + np.maximum(WRONG_GAP_M * gap, -0.5 * np.maximum(ahead[:, 0], 0.0))[:, None]
     leader_speed = np.nan_to_num(here.leader_speed_mps) + WRONG_SPEED_MPS * speed[:, None]
     leader_accel = np.nan_to_num(here.leader_accel_mps2) + WRONG_ACCEL_MPS2 * accel[:, None]
-    noise = rng.standard_normal((ahead.shape[1], len(TIME_SCALES_S), len(chosen) * particles), dtype=np.float32)
+    size = ahead.shape[1], len(residual.TIME_SCALES_S), len(chosen) * particles
     return Rollouts(
         speed_mps=particles_of(here.speed_mps[:, 0]),
         accel_mps2=particles_of(here.accel_mps2[:, 0]),
         led=np.repeat(led, particles),
         leader_m=particles_of(leader_m),
         leader_speed_mps=particles_of(leader_speed),
-        leader_accel_mps2=particles_of(np.clip(leader_accel, *STRONGEST_LEADER_MPS2)),
-        noise=noise,
+        leader_accel_mps2=particles_of(np.clip(leader_accel, *residual.STRONGEST_LEADER_MPS2)),
+        noise=rng.standard_normal(size, dtype=np.float32),
         true_m=(here.lon_m - here.lon_m[:, :1]).T,
         true_speed_mps=here.speed_mps.T,
     )
@@ -213,13 +205,13 @@ def _softsign(x: Array) -> tuple[Array, Array]:
 
 def _usual(gap: Array, speed: Array, leader_speed: Array, led: npt.NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Return what the usual driver does by IDM, and its slopes by gap and speed."""
-    driver = USUAL_DRIVER
+    driver = residual.USUAL_DRIVER
     braking = 2.0 * np.sqrt(driver.max_accel_mps2 * driver.comfortable_decel_mps2)
     dynamic = speed * (driver.time_headway_s + (speed - leader_speed) / braking)
     wanted = driver.standstill_gap_m + np.maximum(dynamic, 0.0)
     free = (speed / driver.desired_speed_mps) ** 4
     accel = driver.max_accel_mps2 * (1.0 - free - (wanted / gap) ** 2)
-    low, high = IDM_RANGE_MPS2
+    low, high = residual.IDM_RANGE_MPS2
     counts = (accel > low) & (accel < high)
     more = np.where(dynamic > 0.0, driver.time_headway_s + led * (2.0 * speed - leader_speed) / braking, 0.0)
     by_speed = -driver.max_accel_mps2 * (4.0 * speed**3 / driver.desired_speed_mps**4 + 2.0 * wanted / gap**2 * more)
@@ -233,7 +225,7 @@ def _roll(weights: Weights, scaling: NetworkWeights, rollouts: Rollouts) -> tupl
     noise, states, ways_back = rollouts.noise[0], [state], []
     headway = log_headway(np.asarray(rollouts.leader_m[0], dtype=np.float64), np.asarray(state[1], dtype=np.float64))
     headway = np.where(rollouts.led, headway, scaling.mean[-1])
-    lasts = np.exp(-DT / np.array(TIME_SCALES_S))[:, None]
+    lasts = np.exp(-DT / np.array(residual.TIME_SCALES_S))[:, None]
     for step in range(len(rollouts.leader_m) - 1):
         state, back = _stepped(weights, scaling, rollouts, step, state, headway, noise)
         states.append(state)
@@ -278,7 +270,7 @@ def _stepped(
         by_first = (weights["w2"] @ by_second) * first_slope
         gradient["w1"] += inputs @ by_first.T
         gradient["b1"] += by_first.sum(axis=1)
-        states = SEEN - 2
+        states = residual.SEEN - 2
         within = (seen[:states] > low[:states]) & (seen[:states] < high[:states])
         within[3] &= led
         by_seen = (weights["w1"][:states] @ by_first) / scale[:states] * within

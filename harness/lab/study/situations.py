@@ -15,18 +15,12 @@ from harness.lab.fidelity.samples import whole_recording
 from harness.lab.fit.card import regimes_of
 from harness.lab.study.study import StudyPlan, model_of, score_row
 from harness.lab.study.study_text import error_cell, setting_line
+from harness.lab.windows import recording
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import lane_change_windows
 from harness.lab.windows.filtering import HORIZONS_S, follow, score
-from harness.lab.windows.recording import (
-    REPORTING_DURATION_S,
-    Recording,
-    joined_apart,
-    load_all,
-    record_traffic,
-    recording_of,
-)
+from harness.lab.windows.recording import Recording
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.map.road import Road
@@ -75,8 +69,8 @@ def situation_rows(
 
 def simulated_parts(plan: StudyPlan, network: Network, say: Callable[[str], None]) -> list[Part]:
     """Return a plan's traffic, recorded where it is not yet."""
-    paths = record_traffic(network, plan.traffic, REPORTING_DURATION_S, plan.cache, say)
-    return [(part, network.road) for part in load_all(paths)]
+    paths = recording.record_traffic(network, plan.traffic, recording.REPORTING_DURATION_S, plan.cache, say)
+    return [(part, network.road) for part in recording.load_all(paths)]
 
 
 def recorded_parts(folder: Path) -> list[Part]:
@@ -89,12 +83,12 @@ def recorded_parts(folder: Path) -> list[Part]:
     if not files:
         raise InputError(f"`real_data`: {folder} has no recorded traffic ({', '.join(RECORDED)}); name another folder")
     traffic = [whole_recording(path) for path in files]
-    return [(recording_of(part), part.road) for part in traffic]
+    return [(recording.recording_of(part), part.road) for part in traffic]
 
 
 def situations_of(plan: StudyPlan, parts: Sequence[Part], steps: int) -> dict[str, Cases]:
     """Return cases by situation, at most ``plan.cases`` of each, without situations of fewer than two."""
-    windows = joined_apart([following_windows(*part, steps) for part in parts], "vehicle")
+    windows = recording.joined_apart([following_windows(*part, steps) for part in parts], "vehicle")
     changes = reduce(joined, [lane_change_windows(*part) for part in parts])
     rng = np.random.default_rng([plan.seed, 0])
     situations = {

@@ -30,17 +30,8 @@ import tomli_w
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.config.model import RunConfig, SensorConfig
-from harness.lab.tuning.spaces import (
-    DEFAULTS_IN_CODE,
-    SEARCH_SPACES,
-    Options,
-    Range,
-    Space,
-    is_searched,
-    nested,
-    space_of,
-    starts_of,
-)
+from harness.lab.tuning import spaces
+from harness.lab.tuning.spaces import Options, Space, nested
 from harness.running.evaluate import evaluate
 from harness.running.open import open_snapshots
 from harness.running.snapshots import SnapshotStream
@@ -200,8 +191,8 @@ def search(
     return study
 
 
-def _holds(values: Range | tuple[object, ...], value: object) -> bool:
-    if isinstance(values, Range):
+def _holds(values: spaces.Range | tuple[object, ...], value: object) -> bool:
+    if isinstance(values, spaces.Range):
         return isinstance(value, int | float) and values.low <= value <= values.high
     return value in values
 
@@ -211,9 +202,9 @@ def _suggested(trial: Any, space: Space) -> Options:  # noqa: ANN401
     options: Options = {}
     for key in sorted(space, key=lambda key: not key.endswith(".on")):
         values = space[key]
-        if not is_searched(key, options):
+        if not spaces.is_searched(key, options):
             continue
-        if not isinstance(values, Range):
+        if not isinstance(values, spaces.Range):
             options[key] = trial.suggest_categorical(key, values)
         elif values.whole:
             options[key] = trial.suggest_int(key, int(values.low), int(values.high))
@@ -225,7 +216,7 @@ def _suggested(trial: Any, space: Space) -> Options:  # noqa: ANN401
 
 def ends_near(options: Options, space: Space) -> dict[str, str]:
     """Return which settings lie at an end of their range, and at which: those ranges want to be wider."""
-    ranges = {key: values for key, values in space.items() if isinstance(values, Range) and key in options}
+    ranges = {key: values for key, values in space.items() if isinstance(values, spaces.Range) and key in options}
     ends = {key: values.end_near(float(str(options[key]))) for key, values in ranges.items()}
     return {key: end for key, end in ends.items() if end is not None}
 
@@ -252,7 +243,7 @@ def write_outcome(
         "recordings": list(recordings),
         "trials": [_told(trial) for trial in study.trials],
         # What a tracker takes from here is called options; what its code holds by itself is only told of.
-        "found" if tracker in DEFAULTS_IN_CODE else "options": nested(best.user_attrs["options"]),
+        "found" if tracker in spaces.DEFAULTS_IN_CODE else "options": nested(best.user_attrs["options"]),
     }
     write_text(path, tomli_w.dumps(tables))
 
@@ -271,7 +262,7 @@ def _told(trial: Any) -> Options:  # noqa: ANN401
 def main(arguments: Sequence[str] | None = None) -> None:
     """Record, search and report from the command line."""
     parser = argparse.ArgumentParser(prog="python -m harness.lab.tuning.search", description="Tune trackers' settings.")
-    names = ", ".join(SEARCH_SPACES)
+    names = ", ".join(spaces.SEARCH_SPACES)
     parser.add_argument("--tracker", required=True, help=f"all, or names with commas between them: {names}")
     parser.add_argument("--seeds", default="100:104", help="A:B, B excluded, within 100:200")
     parser.add_argument("--duration", type=float, default=12.0, help="seconds of each recording at the two densities")
@@ -283,8 +274,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     seeds = range(int(first), int(last)) if first.isdecimal() and last.isdecimal() else range(0)
     if not seeds or seeds[0] not in TUNING_SEEDS or seeds[-1] not in TUNING_SEEDS:
         parser.error(f"--seeds {chosen.seeds}: give A:B within 100:200; tuning uses no other seeds")
-    trackers = list(SEARCH_SPACES) if chosen.tracker == "all" else chosen.tracker.split(",")
-    if unknown := [name for name in trackers if name not in SEARCH_SPACES]:
+    trackers = list(spaces.SEARCH_SPACES) if chosen.tracker == "all" else chosen.tracker.split(",")
+    if unknown := [name for name in trackers if name not in spaces.SEARCH_SPACES]:
         parser.error(f"--tracker {unknown[0]}: unknown; choose all, or from {names}")
     if chosen.trials < 1:
         parser.error("--trials: give 1 or more")
@@ -295,9 +286,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         def follow_batch(options: Options, batch: int, name: str = name) -> list[Scores]:
             return [follow(name, options, recording) for recording in batches[batch]]
 
-        space = space_of(name)
+        space = spaces.space_of(name)
         try:
-            study = search(starts_of(name), space, follow_batch, len(batches), chosen.trials, partial(refusal, name))
+            study = search(
+                spaces.starts_of(name), space, follow_batch, len(batches), chosen.trials, partial(refusal, name)
+            )
         except InputError as error:
             parser.error(f"{name}: {error}")
         best = study.best_trial
