@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.scoring.metrics.registry import completed, quantities
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import flattened
 
 TIMES = ("steps", "realtime_factor", "total_s", "tracker_ms.p50", "tracker_ms.p95", "tracker_ms.p99")
 TRAFFIC = ("density_veh_per_km_lane", "flow_veh_per_h", "mean_speed_mps", "vehicles_in_range")

@@ -24,7 +24,7 @@ from harness.common.watching import survived
 from harness.config.options import Option, RunOptions, checked, keys_of_options, setting_words
 from harness.grid.options import GridOptions
 from harness.running.resolve import external_code, resolve_run_config
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import flattened
 from harness.storage.run_folder import read_manifest, read_metrics, read_table
 from mmpf.registry import UnknownNameError
 

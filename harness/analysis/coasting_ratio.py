@@ -15,7 +15,7 @@ import pandas as pd
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.metrics.pseudo_occlusion import CONSTANT, FOLLOWED, JUDGED, NAME, SITUATIONS, USUAL_S, WINDOWS
 from harness.scoring.metrics.quantity import Columns, Quantity, of_kinds
-from harness.storage.grid_rows import column_of
+from harness.storage.grid_folder import column_of
 from mmpf.numerics.arrays import FloatArray
 
 COASTING_TRACKER = "oracle-kalman"

@@ -20,7 +20,7 @@ from harness.analysis.why import Why
 from harness.common.errors import InputError
 from harness.common.numbers import without_nan
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
-from harness.storage.grid_rows import column_of
+from harness.storage.grid_folder import column_of
 from harness.storage.manifest import unproven
 from harness.storage.run_folder import COMPLETE
 from mmpf.numerics.arrays import FloatArray

@@ -14,7 +14,7 @@ from harness.analysis import coasting_ratio
 from harness.common.intervals import NONNEGATIVE, Possible, possible_ci
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
-from harness.storage.grid_rows import column_of
+from harness.storage.grid_folder import column_of
 from harness.storage.schema import MODEL_FILE, NET
 from mmpf.numerics.arrays import FloatArray
 

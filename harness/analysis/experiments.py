@@ -10,7 +10,7 @@ import pandas as pd
 
 from harness.config.layers import config_from_table, leaves, merged
 from harness.config.model import RunConfig, TrackerConfig
-from harness.storage.grid_rows import column_of
+from harness.storage.grid_folder import column_of
 from harness.storage.manifest import CODE, INPUTS
 from mmpf.numerics.arrays import BoolArray
 

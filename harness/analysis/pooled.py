@@ -13,7 +13,7 @@ from harness.analysis.coasting_ratio import kinds_hidden_on_purpose, on_purpose
 from harness.analysis.curves import Ratio, labelled, ratio_of, summed_by, sums_and_weights
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
-from harness.storage.grid_rows import column_of
+from harness.storage.grid_folder import column_of
 from harness.storage.schema import RECORDING
 from mmpf.numerics.arrays import FloatArray
 

@@ -32,7 +32,7 @@ from harness.scoring.metrics.paired import KEYS, paired_errors
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
-from harness.storage.grid_rows import column_of
+from harness.storage.grid_folder import column_of
 from mmpf.numerics.arrays import FloatArray
 
 COMPARE = "compare"

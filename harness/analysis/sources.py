@@ -18,8 +18,7 @@ from harness.common.untrusted_files import read_json, reading
 from harness.scoring.metrics.closedloop import COLLIDED
 from harness.scoring.metrics.registry import is_from_outside
 from harness.storage import run_folder as runfolder
-from harness.storage.grid_folder import GRID, RUNS
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import GRID, RUNS, flattened
 from harness.storage.manifest import check_unedited, manifest_of
 from harness.storage.schema import MISMATCH, RECORDING, TABLES
 

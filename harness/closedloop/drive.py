@@ -22,8 +22,7 @@ from harness.grid.pool import OnRow, run_cells
 from harness.grid.stress import check_grid
 from harness.scoring.metrics.closedloop import COLLIDED, IMPACT, WITH
 from harness.storage import ownership
-from harness.storage.grid_folder import FIGURES, KEPT, RUNS
-from harness.storage.grid_rows import Row, column_of
+from harness.storage.grid_folder import FIGURES, KEPT, RUNS, Row, column_of
 from harness.storage.tables import write_table
 from harness.truth.network.network import load_network
 

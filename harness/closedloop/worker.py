@@ -35,7 +35,7 @@ from harness.scoring.metrics.closedloop import NO_CANDIDATE
 from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
-from harness.storage.grid_rows import Row
+from harness.storage.grid_folder import Row
 from harness.truth.network.network import is_in_the_box, load_network
 from harness.truth.sumo.simulation import SumoTruth, open_traffic
 

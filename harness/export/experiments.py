@@ -12,8 +12,7 @@ from typing import Any
 from harness.common.files import write_text
 from harness.common.untrusted_files import read_json
 from harness.storage import run_folder as runfolder
-from harness.storage.grid_folder import GRID, RUNS
-from harness.storage.grid_rows import TEXT_COLUMNS, flattened
+from harness.storage.grid_folder import GRID, RUNS, TEXT_COLUMNS, flattened
 from harness.storage.schema import DENSITY, SEED
 
 PAGE, REGISTER = "report.html", "logged.json"

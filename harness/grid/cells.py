@@ -18,7 +18,7 @@ from harness.config.model import DEFAULT_TRACKER, RunConfig, TrackerConfig, Traf
 from harness.config.options import keys_of_options
 from harness.running.provenance import model_files
 from harness.storage import schema
-from harness.storage.grid_rows import TEXT_COLUMNS, Row, flattened
+from harness.storage.grid_folder import TEXT_COLUMNS, Row, flattened
 
 FULL_DISK = "full_disk_errno"
 CellTraffic = tuple[TrafficConfig, int, str | None]

@@ -11,7 +11,7 @@ from typing import Any
 from harness.common.errors import InputError, RunError
 from harness.grid.cells import Cell, failed_row
 from harness.grid.pool import OnRow, run_cells
-from harness.storage.grid_rows import Row
+from harness.storage.grid_folder import Row
 
 # Dask has no types of its own.
 Client = Any

@@ -20,8 +20,7 @@ from harness.grid.pool import OnRow
 from harness.running.provenance import model_files, other_code, own_code, provenance_of
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
-from harness.storage.grid_folder import GRID, KEPT, RUNS, check_same_grid, open_grid_folder
-from harness.storage.grid_rows import Row, read_rows, write_row
+from harness.storage.grid_folder import GRID, KEPT, RUNS, Row, check_same_grid, open_grid_folder, read_rows, write_row
 from harness.storage.manifest import CODE, INPUTS, RunFacts, hashes_of, manifest_of, write_manifest
 
 SUMMARY, TABLE = "summary.json", "table.md"

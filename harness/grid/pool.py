@@ -19,7 +19,7 @@ from typing import IO
 
 from harness.grid.cells import Cell, CellTraffic, PlannedRun, failed_row
 from harness.grid.worker import CELL, CellDone, Finished, Message, Started
-from harness.storage.grid_rows import Row
+from harness.storage.grid_folder import Row
 
 OnRow = Callable[[str, Row], None]
 WORKER = "harness.grid.worker"

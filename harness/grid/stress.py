@@ -25,8 +25,7 @@ from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
 from harness.running.open import check_tracker_and_driver, open_snapshots
 from harness.sensor.profiles import sensor_settings
-from harness.storage.grid_folder import FIGURES, RUNS
-from harness.storage.grid_rows import Row
+from harness.storage.grid_folder import FIGURES, RUNS, Row
 from harness.storage.schema import MISMATCH, RECORDING
 from harness.storage.tables import write_table
 from harness.truth.network.network import load_network

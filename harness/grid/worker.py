@@ -40,7 +40,7 @@ from harness.scoring.metrics.mae import HIDDEN_BINS_S
 from harness.scoring.metrics.paired import paired_errors
 from harness.scoring.metrics.scarce import check_scored
 from harness.storage import run_folder as runfolder
-from harness.storage.grid_rows import Row
+from harness.storage.grid_folder import Row
 from harness.storage.schema import HIDDEN, VISIBILITY_STATES
 from harness.trackers.catalogue import build_tracker
 from harness.truth.frame import Frame, TruthSource

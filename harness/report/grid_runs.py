@@ -26,8 +26,7 @@ from harness.report.html_tables import html_table
 from harness.report.page import PAGE
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
-from harness.storage.grid_folder import GRID, KEPT, RUNS
-from harness.storage.grid_rows import column_of
+from harness.storage.grid_folder import GRID, KEPT, RUNS, column_of
 from harness.storage.schema import DENSITY
 from mmpf.numerics.arrays import FloatArray
 

@@ -14,8 +14,7 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.stress import FIGURES, SUMMARY, TABLE, Telling, run_stress
 from harness.running.open import open_snapshots
 from harness.scoring.metrics.pseudo_occlusion import HiddenWindows, scores_of_pseudo_occlusions
-from harness.storage.grid_folder import RUNS
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import RUNS, flattened
 from mmpf.numerics.arrays import BoolArray
 from tests.harness.grid.executors import ECHO, InProcess
 from tests.harness.scoring.scenes import Scene, score_run

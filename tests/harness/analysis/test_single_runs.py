@@ -16,7 +16,7 @@ from harness.analysis.vehicles import closeness, hota_by_vehicle
 from harness.analysis.why import failures
 from harness.common.errors import InputError
 from harness.scoring.metrics.registry import score_metrics
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import flattened
 from tests.harness.analysis.test_vehicles import CARS, six_cars
 from tests.harness.recorded_scene import write_recorded_scene
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from harness.common.files import is_temporary, replacing, save_figure, write_results, write_text, write_toml
-from harness.storage.grid_rows import write_row
+from harness.storage.grid_folder import write_row
 from harness.storage.manifest import RunFacts, write_manifest
 from harness.storage.tables import write_table
 

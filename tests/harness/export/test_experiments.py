@@ -13,7 +13,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.export.experiments import logged_runs
 from harness.export.formats import export_run
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import flattened
 from tests.harness.recorded_scene import write_recorded_scene
 
 TEXT = "<title>the page</title>"

@@ -13,8 +13,7 @@ from harness.grid.cells import assemble, command_of
 from harness.grid.grid import GridRequest, plan_grid
 from harness.running.resolve import with_usual_traffic
 from harness.storage import ownership
-from harness.storage.grid_folder import check_same_grid, open_grid_folder
-from harness.storage.grid_rows import flattened, read_rows, write_row
+from harness.storage.grid_folder import check_same_grid, flattened, open_grid_folder, read_rows, write_row
 
 GRID = plan_grid(GridRequest(densities="20", seeds="2", trackers="pmbm", vary=("sensor.range_m=40,60",)))
 

@@ -12,7 +12,7 @@ from harness.grid.grid import GridRequest
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import flattened
 from tests.harness.grid.executors import BROKEN, ECHO, STEADY, InProcess, is_timing, table_of
 from tests.harness.stand_ins import SteadyTraffic, observing
 

@@ -28,8 +28,7 @@ from harness.grid.worker import (
 )
 from harness.running import evaluate
 from harness.storage import ownership
-from harness.storage.grid_folder import KEPT
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import KEPT, flattened
 from harness.trackers.catalogue import build_tracker
 from tests.harness.grid.executors import BROKEN, ECHO
 from tests.harness.scoring.scenes import score_run

@@ -20,7 +20,7 @@ from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.metrics import registry
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import completed, quantities, register, view
-from harness.storage.grid_rows import flattened
+from harness.storage.grid_folder import flattened
 from mmpf.map.corridor_road import highway
 from tests.harness.scoring.scenes import score_run, traffic
 
