@@ -161,15 +161,23 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
 
 KEPT_BYTES = {-3: 32 * 2**20, -1: 2**31 - 1, -2: 64 * 2**20}
 """Options of ``mallopt``: the largest M_MMAP_THRESHOLD that is allowed, no M_TRIM_THRESHOLD, and M_TOP_PAD."""
+HEAP_BYTES, HUGE_PAGE, MADV_HUGEPAGE = 6 * [24 * 2**20], 2**21, 14
 
 
 def keep_freed_memory() -> None:
-    """Tell glibc's allocator to keep freed memory and to serve large arrays from it.
+    """Tell glibc's allocator to keep freed memory and to serve large arrays from it, in pages of 2 MiB.
 
     Each step of a tracker lets go of arrays as large as the next step asks for. Handed back to the system, they cost a
-    page fault for every 4 KiB when they come back: about a tenth of a step. Other allocators are left as they are.
+    page fault for every 4 KiB when they come back: about a tenth of a step. Looking up so many small pages costs the
+    processor about half as much. Other allocators are left as they are.
     """
-    set_option = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if set_option is not None:
+    libc = ctypes.CDLL(None)
+    if sys.platform == "linux" and hasattr(libc, "mallopt"):
         for option, value in KEPT_BYTES.items():
-            set_option(option, value)
+            libc.mallopt(option, value)
+        libc.malloc.restype = libc.sbrk.restype = ctypes.c_void_p
+        blocks = [ctypes.c_void_p(libc.malloc(ctypes.c_size_t(size))) for size in HEAP_BYTES]
+        begin, end = -(-(blocks[0].value or 0) // HUGE_PAGE) * HUGE_PAGE, libc.sbrk(0) or 0
+        libc.madvise(ctypes.c_void_p(begin), ctypes.c_size_t(max(end - begin, 0)), MADV_HUGEPAGE)
+        for block in blocks:
+            libc.free(block)

@@ -36,16 +36,8 @@ def association_evidence(
     detections: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_D] per component, shape (m,)."""
-    return _sum_evidence(
-        weight,
-        starts,
-        detection_probability,
-        likelihoods.component,
-        likelihoods.detection,
-        likelihoods.values,
-        likelihoods.starts,
-        detections,
-    )
+    pairs = likelihoods.component, likelihoods.detection, likelihoods.values, likelihoods.starts
+    return _sum_evidence(weight, starts, detection_probability, *pairs, detections)
 
 
 def particle_factors(
