@@ -11,6 +11,7 @@ import pandas as pd
 from PIL import Image, ImageDraw, ImageFont
 
 from harness.common.palette import ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, VERMILION
+from harness.report.run_charts import NAMES
 from harness.report.scene import BEARINGS, OUT_OF_SIGHT, SEEN_GROUND, SHADOW, corners, shadow_outlines, view_outline
 from harness.running.finished import RecordedRun
 from harness.running.recorder import detections_of, frame_of
@@ -23,17 +24,12 @@ WIDTH, HEIGHT = 1280, 720
 # Drawn this many times larger and reduced, so that edges are smooth.
 SMOOTH = 2
 OVERLAP_M, MARGIN_M = 8.0, 2.5
+DASH_DEG = 20
 HEAD, FOOT, GAP = 34, 34, 14
-OUTLINED = {"hidden": VERMILION, "out": "#9a9a9a"}
-FILLED = {"visible": GREEN, "partial": ORANGE}
-LEGEND = {
-    "visible": GREEN,
-    "partly hidden": ORANGE,
-    "hidden": VERMILION,
-    "ego": "#000000",
-    "shadow": SHADOW,
-    "track, 95 %; thin: taken for hidden": PURPLE,
-}
+INK = "#000000"
+# Fill and edge of vehicles.
+STYLES = {"visible": (GREEN, None), "partial": (ORANGE, None), "hidden": (None, VERMILION), "out": (None, "#9a9a9a")}
+LEGEND = {name: STYLES[state] for state, name in NAMES.items()} | {"ego": (INK, None), "shadow": (SHADOW, None)}
 
 
 @dataclass(frozen=True)
@@ -83,8 +79,8 @@ def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, 
         _draw_road_and_vehicles(strip, run, truth, ego)
         _draw_detections_and_tracks(strip, detections, tracks)
         picture.paste(stretch, (0, SMOOTH * (HEAD + place * (half + GAP))))
-    title = f"{run.config.title()}: {floats(truth, 'time_s')[0]:.1f} s   (above: ahead, below: behind)"
-    _draw_words(ImageDraw.Draw(picture), title)
+    rows = f"(above: {run.sensor.range_m:g} m ahead, below: behind)"
+    _draw_words(ImageDraw.Draw(picture), f"{run.config.title()}: {floats(truth, 'time_s')[0]:.1f} s   {rows}")
     return picture.reduce(SMOOTH)
 
 
@@ -105,36 +101,48 @@ def _draw_road_and_vehicles(strip: _PictureRow, run: RecordedRun, truth: pd.Data
     lon, outlines = floats(truth, "lon_m"), corners(truth)
     states = truth["state"].to_numpy(dtype=object)
     for i in np.flatnonzero((lon > window[0] - 20.0) & (lon < window[1] + 20.0)):
-        fill = "#000000" if i == ego else FILLED.get(states[i])
-        edge = None if fill else OUTLINED[states[i]]
+        fill, edge = LEGEND["ego"] if i == ego else STYLES[states[i]]
         strip.draw.polygon(strip.place(outlines[i]), fill=fill, outline=edge, width=2 * SMOOTH)
 
 
 def _draw_detections_and_tracks(strip: _PictureRow, detections: pd.DataFrame, tracks: pd.DataFrame) -> None:
-    arm = 4 * SMOOTH
     places = np.stack([floats(detections, "lon_m"), floats(detections, "lat_m")], axis=-1)
     for x, y in strip.place(places):
-        for slope in (1, -1):
-            strip.draw.line((x - arm, y - slope * arm, x + arm, y + slope * arm), fill="#000000", width=SMOOTH)
+        _draw_cross(strip.draw, x, y)
     shown = tracks[(tracks["state"] != "tentative").to_numpy()]
     places = np.stack([floats(shown, "lon_m"), floats(shown, "lat_m")], axis=-1)
     sizes = ELLIPSE_SCALE * strip.scale * np.stack([floats(shown, "std_lon_m"), floats(shown, "std_lat_m")], axis=-1)
-    hidden = (shown["state"] == "hidden").to_numpy()
+    hidden = (shown["state"] == "hidden").tolist()
     font = ImageFont.load_default(11 * SMOOTH)
-    for (x, y), (along, across), dim, number in zip(
-        strip.place(places), sizes.tolist(), hidden, shown["track_id"], strict=True
-    ):
-        strip.draw.ellipse(
-            (x - along, y - across, x + along, y + across), outline=PURPLE, width=SMOOTH if dim else 2 * SMOOTH
-        )
+    drawn = strip.place(places), sizes.tolist(), hidden, shown["track_id"]
+    for (x, y), (along, across), dashed, number in zip(*drawn, strict=True):
+        _draw_ellipse(strip.draw, (x - along, y - across, x + along, y + across), dashed)
         above = y - min(max(across, strip.scale), 2.0 * strip.scale)
-        strip.draw.text((x, above), str(number), fill=PURPLE, font=font, anchor="mb")
+        strip.draw.text((x, above), str(number), PURPLE, font, "mb", stroke_width=SMOOTH, stroke_fill="white")
+
+
+def _draw_cross(draw: ImageDraw.ImageDraw, x: float, y: float) -> None:
+    arm = 4 * SMOOTH
+    for slope in (1, -1):
+        draw.line((x - arm, y - slope * arm, x + arm, y + slope * arm), fill=INK, width=SMOOTH)
+
+
+def _draw_ellipse(draw: ImageDraw.ImageDraw, box: tuple[float, float, float, float], dashed: bool) -> None:
+    for start in range(0, 360, DASH_DEG if dashed else 360):
+        draw.arc(box, start, start + (0.6 * DASH_DEG if dashed else 360), fill=PURPLE, width=2 * SMOOTH)
 
 
 def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
     draw.text((10 * SMOOTH, 8 * SMOOTH), heading, fill="#222222", font=ImageFont.load_default(16 * SMOOTH))
     font, x, y = ImageFont.load_default(14 * SMOOTH), 10.0 * SMOOTH, SMOOTH * (HEIGHT - 24)
-    for name, colour in LEGEND.items():
-        draw.rectangle((x, y, x + 22 * SMOOTH, y + 13 * SMOOTH), fill=colour)
+    for name in (*LEGEND, "detection", "track, 95 % ellipse", "track held as hidden"):
+        box = x, y, x + 22 * SMOOTH, y + 13 * SMOOTH
+        if name in LEGEND:
+            fill, edge = LEGEND[name]
+            draw.rectangle(box, fill=fill, outline=edge, width=2 * SMOOTH)
+        elif name == "detection":
+            _draw_cross(draw, x + 11 * SMOOTH, y + 7 * SMOOTH)
+        else:
+            _draw_ellipse(draw, box, name.endswith("hidden"))
         draw.text((x + 28 * SMOOTH, y - SMOOTH), name, fill="#222222", font=font)
         x += 28 * SMOOTH + draw.textlength(name, font=font) + 22 * SMOOTH
