@@ -3,6 +3,8 @@
 let courses = null;
 const CURVES = [["#000000", []], [BLUE, [6, 3]]];
 const NO_TRACK = "no track";
+/* At the left edge, numbers of the axis take this width. */
+const AXIS_WORDS_PX = 36;
 
 /* A point for each step: the vehicle's state, the chosen value, and why there is no value where it is missing. */
 function courseOf(vehicle, data) {
@@ -99,9 +101,11 @@ function drawGaps(pen, gaps, x, middle, bottom, right) {
     pen.fillStyle = gap === NO_TRACK ? VERMILION : "#333333";
     if (gap === NO_TRACK) pen.fillRect(from, bottom - 5, Math.max(2, wide), 5);
     else if (wide > 14) {
+      const upright = pen.measureText(gap).width + 8 > wide;
+      if (upright && from + wide / 2 < AXIS_WORDS_PX) continue;
       pen.save();
       pen.translate(from + wide / 2, middle);
-      if (pen.measureText(gap).width + 8 > wide) pen.rotate(-Math.PI / 2);
+      if (upright) pen.rotate(-Math.PI / 2);
       pen.fillText(gap, 0, 4);
       pen.restore();
     }
