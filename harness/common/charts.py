@@ -213,7 +213,7 @@ def draw_charts(group: Charts, title: str, path: Path) -> None:
     panels = [
         {name: value for name, value in chart.spec.items() if name not in own}
         | {"layer": [layer for layer in chart.spec["layer"] if layer["mark"].get("opacity") != 0]}
-        | {"title": {"text": chart.title, "subtitle": chart.better or None, "anchor": "start", "fontSize": 12}}
+        | {"title": {"text": chart.title, "subtitle": chart.better or None, "frame": "group", "fontSize": 12}}
         | {"width": PANEL_WIDTH_PX}
         for chart in group.charts
     ]
@@ -221,8 +221,9 @@ def draw_charts(group: Charts, title: str, path: Path) -> None:
         "$schema": SCHEMA,
         # One weight: vl-convert writes a PDF of several fonts in another order each time.
         "config": CONFIG
-        | {"background": "white", "font": "sans-serif", "title": {"fontWeight": "normal", "subtitleColor": "#5a5a5a"}},
-        "title": {"text": title, "subtitle": group.note, "anchor": "start", "offset": 14, "fontSize": 15},
+        | {"background": "white", "font": "sans-serif"}
+        | {"title": {"fontWeight": "normal", "subtitleColor": "#5a5a5a", "anchor": "start"}},
+        "title": {"text": title, "subtitle": group.note, "offset": 14, "fontSize": 15},
         "params": [{"name": ONLY, "value": None}],
         "columns": COLUMNS,
         "concat": panels,
