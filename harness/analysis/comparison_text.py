@@ -187,7 +187,7 @@ def cells(verdict: Verdict) -> list[str]:
         number(verdict.b, decimals),
         number(verdict.difference, decimals, sign="+") + _percent(verdict),
         "-" if math.isnan(verdict.ci95[0]) else f"{low} to {high}",
-        number(verdict.p, 3),
+        "< 0.001" if verdict.p < 0.0005 else number(verdict.p, 3),
         str(verdict.pairs),
         verdict.verdict,
     ]
