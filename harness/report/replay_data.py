@@ -76,7 +76,8 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         "range_m": run.sensor.range_m,
         "field_of_view_deg": run.sensor.field_of_view_deg,
         "follow_m": FOLLOW_CUTOFF_M,
-        "road": _plane(run.road, run, reach_m) if isinstance(run.road, LaneGraphRoad) else _strips(run),
+        "road": (_plane(run.road, run, reach_m) if isinstance(run.road, LaneGraphRoad) else _strips(run))
+        | {"reference_xy": [*map(list, run.road.reference_xy)], "reference_start_m": run.road.reference_start_m},
         "vehicles": _vehicles(kept_truth, codes, names),
         "truth": _truth(kept_truth, run.errors, codes, steps),
         "detections": _detections(run.detections, steps, run.road),
@@ -119,15 +120,9 @@ def _bytes(run: RecordedRun, truth: pd.DataFrame) -> int:
 
 def _strips(run: RecordedRun) -> dict[str, Any]:
     """Return the strips of a single road, and the ramps beside it."""
-    road = run.road
-
-    def finite(value: float) -> float:
-        return float(np.clip(value, -FAR_M, FAR_M))
-
+    ends_m = [np.clip([lane.start_m, lane.end_m], -FAR_M, FAR_M).tolist() for lane in run.road.lanes]
     return {
-        "lanes": [[ln.right_m, ln.left_m, finite(ln.start_m), finite(ln.end_m)] for ln in road.lanes],
-        "reference_xy": [list(point) for point in road.reference_xy],
-        "reference_start_m": road.reference_start_m,
+        "lanes": [[lane.right_m, lane.left_m, *ends] for lane, ends in zip(run.road.lanes, ends_m, strict=True)],
         "ramps": [np.round(outline, 1).tolist() for outline in run.ramps],
     }
 
@@ -142,8 +137,6 @@ def _plane(road: LaneGraphRoad, run: RecordedRun, reach_m: float) -> dict[str, A
     walls = [wall.ravel() for wall in ends if way.intersects(shapely.LineString(wall))]
     return {
         "lanes": [],
-        "reference_xy": [list(point) for point in road.reference_xy],
-        "reference_start_m": road.reference_start_m,
         "lines": [
             {"xy": np.round(line.xy, 2).tolist(), "width": round(line.width_m, 2), "junction": line.in_junction}
             for line in lines
@@ -213,9 +206,8 @@ def _others(table: pd.DataFrame, known: Mapping[str, Packing]) -> dict[str, Pack
 
 def _with_demands(truth: pd.DataFrame, commands: pd.DataFrame) -> pd.DataFrame:
     """Return the truth with what the ego's driver demands in the ego's rows, by the truth and by the tracks."""
-    demands = (
-        commands.set_index("step")[["truth_mps2", "tracks_mps2"]].reindex(truth["step"]).to_numpy(dtype=np.float64)
-    )
+    by_step = commands.set_index("step")[["truth_mps2", "tracks_mps2"]]
+    demands = by_step.reindex(truth["step"]).to_numpy(dtype=np.float64)
     demands[~truth["is_ego"].to_numpy(dtype=bool)] = np.nan
     return truth.assign(demanded_by_truth_mps2=demands[:, 0], demanded_by_tracks_mps2=demands[:, 1])
 
