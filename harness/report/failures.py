@@ -136,8 +136,7 @@ def brakings_of(run: RecordedRun) -> Failures:
     """Return the missed and phantom brakings, first those whose largest difference lasts longest."""
     if run.brakings is None:
         return Failures([], [])
-    texts = {"kind": object, "vehicle_id": object, "visibility": object, "fate": object}
-    brakings = run.brakings.astype(texts)
+    brakings = run.brakings.astype(dict.fromkeys(("kind", "vehicle_id", "visibility", "fate"), object))
     weight = (brakings["truth_mps2"] - brakings["tracks_mps2"]).abs() * brakings["duration_s"]
     times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
     egos = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step").set_index("step")["vehicle_id"]
