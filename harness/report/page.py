@@ -149,10 +149,10 @@ def embedded(picture: Path) -> str:
 
 
 def _facts(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    machine = manifest["machine"]
+    machine, command = manifest["machine"], manifest["command"]
     versions = ", ".join(f"{name} {number}" for name, number in manifest["versions"].items() if number)
     facts = {
-        "command": manifest["command"],
+        "command": ("python -m " if command.startswith(("harness run ", "harness score ")) else "") + command,
         "versions": versions,
         "source revision": manifest["git_revision"],
         "machine": f"{machine['system']}, {machine['processor']}, {machine['cores']} cores",
