@@ -149,7 +149,7 @@ def _lines(metrics: Mapping[str, Any], is_log: bool) -> Text:
         f"{number(traffic['flow_veh_per_h'], 0)} per hour, at {number(traffic['mean_speed_mps'], 1)} m/s; "
     )
     in_range = number(traffic["vehicles_in_range"], 1)
-    road = f"Traffic: {road if traffic['flow_veh_per_h'] else ''}{in_range} within the sensor's range"
+    road = f"Traffic: {road if traffic['flow_veh_per_h'] else ''}{in_range} vehicles within the sensor's range"
     speed = (
         f"Time: {number(timing['total_s'], 1)} s. The {timing['steps']} steps ran at "
         f"{number(timing['realtime_factor'], 1)} times real time; the tracker took "
