@@ -64,6 +64,8 @@ def command(options: Options) -> None:
         from harness.analysis.tables import print_result  # noqa: PLC0415
 
         print_result(finished.title, finished.points, finished.breaks, finished.failures, str(finished.folder))
+    if not quiet:
+        sys.stderr.write(f"Open in a browser: {finished.folder / 'report.html'}\n")
     if as_json:
         typer.echo(json.dumps(finished.summary, indent=2))
     if finished.failures:
