@@ -34,7 +34,7 @@ class Options(TypedDict):
             metavar="FORMAT",
         ),
     ]
-    video: Annotated[Path | None, Option("Write a top-view video to this MP4 file.")]
+    video: Annotated[Path | None, Option("Write a top-view video to this MP4 file. (extra: video)")]
     out: Annotated[
         Path | None, Option("Folder to write; for fcd also FILE.xml or FILE.xml.gz. (default: RUN/export/FORMAT)")
     ]

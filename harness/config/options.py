@@ -219,7 +219,7 @@ class RunOptions(TypedDict, total=False):
             "Keep the finished run in --out if its settings, code and files are the same.", panel=RESULT, default=False
         ),
     ]
-    video: Annotated[Path | str | None, Option("Write a top-view video to this MP4 file.", panel=RESULT)]
+    video: Annotated[Path | str | None, Option("Write a top-view video to this MP4 file. (extra: video)", panel=RESULT)]
 
 
 @dataclass(frozen=True)
