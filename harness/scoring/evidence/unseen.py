@@ -11,6 +11,7 @@ from harness.scoring.evidence.following import Following
 from harness.scoring.evidence.history import DetectionHistory
 from harness.scoring.evidence.matching import Matching
 from harness.scoring.evidence.rows import RunRows
+from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
 LATELY_S = 1.0
@@ -40,7 +41,7 @@ def is_unknown(rows: RunRows, history: DetectionHistory, matching: Matching, fol
     detection, if there was one, is no longer reported: displaced it would still be one of theirs.
     """
     unfollowed = (following.track_row < 0) & (matching.holder_row < 0)
-    return np.asarray(rows.truth.in_range & unfollowed & (history.since_s > LATELY_S))
+    return np.asarray(rows.truth.in_range & unfollowed & (history.since_s > LATELY_S + TIME_TOLERANCE_S))
 
 
 def count_unseen(
