@@ -11,15 +11,15 @@ from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.evidence.sequence import MotSequence
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import joined
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import STEPS, Quantity
 from mmpf.numerics.arrays import FloatArray
 
-IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m"),)
+IN_SIGHT = (Quantity("gospa.mean", "GOSPA in sight, m", weight=STEPS),)
 REMEMBERED = (
-    Quantity("gospa_remembered.mean", "GOSPA remembered, m"),
-    Quantity("gospa_remembered.localisation", "GOSPA remembered: localisation, m"),
-    Quantity("gospa_remembered.missed", "GOSPA remembered: missed, m"),
-    Quantity("gospa_remembered.false", "GOSPA remembered: false, m"),
+    Quantity("gospa_remembered.mean", "GOSPA remembered, m", weight=STEPS),
+    Quantity("gospa_remembered.localisation", "GOSPA remembered: localisation, m", weight=STEPS),
+    Quantity("gospa_remembered.missed", "GOSPA remembered: missed, m", weight=STEPS),
+    Quantity("gospa_remembered.false", "GOSPA remembered: false, m", weight=STEPS),
 )
 CUTOFF_M, ORDER = 4.0, 1.0
 """Distance c from which vehicle and track count as missed and false, and order p, of vehicles in sight."""

@@ -17,7 +17,7 @@ from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.evidence.sequence import tracks_in_sight
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import ROWS, drawn_of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import STEPS, Quantity
 from harness.storage.schema import HIDDEN
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
@@ -28,7 +28,7 @@ QUANTITIES = (
         COST, "hidden cost (10 m if lost), m",
         decimals=2, heading="hidden cost m", weight=COST_N, limit=FOLLOW_CUTOFF_M,
     ),
-    Quantity(FALSE_HIDDEN, "false hidden tracks a scan", decimals=2, heading="false hidden"),
+    Quantity(FALSE_HIDDEN, "false hidden tracks a scan", decimals=2, heading="false hidden", weight=STEPS),
     Quantity("hidden.followed_percent", "hidden with a track within 10 m, %", True, weight=COST_N),
     Quantity(IDENTITY_COST, "hidden cost by identity, m", decimals=2, weight=COST_N, limit=FOLLOW_CUTOFF_M),
 )  # fmt: skip

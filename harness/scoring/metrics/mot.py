@@ -15,7 +15,7 @@ from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.clear import ClearScores, clear
 from harness.scoring.metrics.hota import HotaPart, measure_hota
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import STEPS, Quantity
 
 HOTA, IDF1, SWITCHES, TRUTH_N = "mot.hota", "mot.idf1", "mot.id_switches", "mot.truth_n"
 IN_SIGHT = (
@@ -32,7 +32,7 @@ IN_SIGHT = (
 REMEMBERED = (
     Quantity("mot_all.hota", "HOTA last 10 s, %", higher_is_better=True),
     Quantity("mot_all.idf1", "IDF1, seen within 10 s, %", higher_is_better=True),
-    Quantity("mot_all.false_tracks_per_scan", "false tracks a scan, all", decimals=2),
+    Quantity("mot_all.false_tracks_per_scan", "false tracks a scan, all", decimals=2, weight=STEPS),
 )
 
 

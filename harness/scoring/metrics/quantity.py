@@ -21,6 +21,8 @@ OF_SOME_RUNS = frozenset(
 )
 """Metrics that need a map, real detections, a driver or expectations, and those that older runs lack."""
 
+STEPS = "timing.steps"
+"""Key of a run's number of scans."""
 MOST = {"%": 100.0, "percentage points": 100.0, "°": 180.0, "Brier score": 1.0}
 """The largest value of a quantity whose label ends so; a heading error is 180 degrees at most."""
 

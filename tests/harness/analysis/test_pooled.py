@@ -45,9 +45,10 @@ def mean_of(pooled, quantity: str):
 
 
 def test_scores_are_weighted_by_the_samples_of_each_file():
-    pooled = pool_files(pd.DataFrame([row("a", hota=(80.0, 100)), row("b", hota=(90.0, 300))]))
-    hota = mean_of(pooled, "hota")
-    assert hota.mean == pytest.approx(87.5)
+    rows = pd.DataFrame([row("a", hota=(80.0, 100)), row("b", hota=(90.0, 300))])
+    pooled = pool_files(rows.assign(**{"timing.steps": [10, 40], "hidden.false_hidden_tracks_per_scan": [1.0, 2.0]}))
+    hota, false = mean_of(pooled, "hota"), mean_of(pooled, "false_hidden_tracks_per_scan")
+    assert (hota.mean, false.mean) == pytest.approx((87.5, 1.8))
     # Of two files the t distribution has one degree of freedom: 12.7 standard errors to either side.
     assert hota.ci95[0] < 80.0
     assert hota.ci95[1] > 90.0

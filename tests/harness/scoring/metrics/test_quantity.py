@@ -31,8 +31,7 @@ def test_a_quantity_is_a_number_or_none(key, value):
 def test_a_metric_from_outside_says_how_its_runs_are_pooled_and_which_value_is_best():
     said = Quantity("toy.of", "said of", best=1.0, pooled=lambda column: (column("toy.said"), column("toy.there")))
     runs = pd.DataFrame({"toy.said": [1.0, 6.0], "toy.there": [4.0, 6.0], "toy.of": [0.25, 1.0]})
-    assert ratio_of(*sums_and_weights(runs, said))[0] == pytest.approx(7.0 / 10.0)
-    assert said.better == "near 1"
+    assert (ratio_of(*sums_and_weights(runs, said))[0], said.better) == (pytest.approx(7.0 / 10.0), "near 1")
 
 
 SIGNED = ("mot.mota", "never_seen.log_skill_percent")  # below 0 where errors outweigh what is right
