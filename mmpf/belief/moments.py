@@ -61,8 +61,8 @@ class Moments:
         )
 
 
-def component_moments(mixture: Mixture, weight: FloatArray | None = None) -> Moments:
-    """Return the moments of the components under their particles' weights.
+def component_moments(mixture: Mixture, weight: FloatArray | None = None, since: int = 0) -> Moments:
+    """Return the moments of the components from number ``since`` on under their particles' weights.
 
     They take a pass over the particles: whoever needs them in several places works them out once and hands them on.
 
@@ -72,7 +72,8 @@ def component_moments(mixture: Mixture, weight: FloatArray | None = None) -> Mom
     """
     weight = np.exp(mixture.cloud.log_weight) if weight is None else weight
     heading = _mean_directions(mixture, weight) if mixture.has_headings else np.zeros(len(mixture))
-    return Moments(*state_moments(mixture, np.arange(len(mixture)), weight), heading, mixture.has_headings)
+    found = state_moments(mixture, np.arange(since, len(mixture)), weight)
+    return Moments(*found, heading[since:], mixture.has_headings)
 
 
 def state_moments(mixture: Mixture, which: IntArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -200,7 +200,7 @@ class JointUpdate:
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
 
         self._learn(updated, learned, dt_s)
-        added = component_moments(mixture.keep(np.arange(len(mixture)) >= keep.sum()))
+        added = component_moments(mixture, since=int(keep.sum()))
         merged = int((alive & ~keep).sum())
         return MixtureChange(mixture, moments.take(keep).followed_by(added), int((~alive).sum()), len(chosen), merged)
 

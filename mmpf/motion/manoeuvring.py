@@ -93,14 +93,14 @@ class Manoeuvring:
         holding = np.concatenate([held, begun])
         before = np.empty((STATE_SIZE, len(holding)))
         for row in MOVED:
-            before[row] = state[row, holding]
+            before[row] = state[row].take(holding)
         accel = before[ACCEL].copy()
         accel[len(held) :] += self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, out=accel)
         after = np.empty_like(before)
         move_along(before, after, accel, np.zeros_like(accel), dt_s)
         for row in MOVED:
-            moved[row, holding] = after[row]
+            moved[row][holding] = after[row]
         return moved
 
     def log_prior_over_tried(

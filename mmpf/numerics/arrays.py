@@ -49,12 +49,9 @@ def joined(first: Rows, second: Rows) -> Rows:
 
 
 def _by_column(change: Callable[..., Any], first: Rows, *others: Rows) -> Rows:
-    columns = {field.name: [getattr(rows, field.name) for rows in (first, *others)] for field in fields(first)}
-    there = {name: column for name, column in columns.items() if column[0] is not None}
-    return replace(
-        first,
-        **{
-            name: change(*column) if isinstance(column[0], np.ndarray) else _by_column(change, *column)
-            for name, column in there.items()
-        },
-    )
+    changed = {}
+    for name in (field.name for field in fields(first)):
+        column = [getattr(rows, name) for rows in (first, *others)]
+        if column[0] is not None:
+            changed[name] = change(*column) if isinstance(column[0], np.ndarray) else _by_column(change, *column)
+    return replace(first, **changed)

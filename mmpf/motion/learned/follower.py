@@ -73,8 +73,8 @@ def situations(state: FloatArray, leader: Neighbour, index: IntArray) -> FloatAr
 def seen_by(index: IntArray, state: FloatArray, leader: Neighbour, drivers: FloatArray) -> Float32Array:
     """Return what followers see, and below it rows of all drivers, (r, n): shape (5 + r, k)."""
     seen = np.empty((SITUATION_SIZE + len(drivers), len(index)), dtype=np.float32)
-    accel, leaders = state[ACCEL], (leader.speed_mps, leader.accel_mps2)
-    gather_situations(index, leader.gap_m, state[SPEED], accel, *leaders, drivers, seen)
+    ahead = leader.speed_mps, leader.accel_mps2
+    gather_situations(index, leader.gap_m, state[SPEED], state[ACCEL], *ahead, drivers, seen)
     # Of the whole row: compiled one by one, logarithms take several times as long.
     np.log(seen[0], out=seen[0])
     return seen
