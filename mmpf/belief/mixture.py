@@ -117,11 +117,15 @@ class Components:
 
     def after_scan(self, was_hit: BoolArray, dt_s: float) -> Self:
         """Return the components with a scan's hits, shape (m,), and the time unseen counted."""
-        return replace(
-            self,
-            hits=self.hits + was_hit,
-            unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s),
-        )
+        return self.having(hits=self.hits + was_hit, unseen_s=np.where(was_hit, 0.0, self.unseen_s + dt_s))
+
+    def having(self, **columns: FloatArray | IntArray | BoolArray) -> Self:
+        """Return the components with other columns; much faster than ``dataclasses.replace``, as they are many."""
+        if not columns.keys() <= vars(self).keys():
+            raise TypeError(f"components have no column for all of: {', '.join(columns)}")
+        other = object.__new__(type(self))
+        vars(other).update(vars(self), **columns)
+        return other
 
     @classmethod
     def newborn(cls, track_id: IntArray, existence: FloatArray, vehicle: Footprint = MEAN_CAR) -> Self:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -26,7 +25,7 @@ def with_measured_sizes(components: Kept, index: IntArray, sizes: BodySizes) -> 
         components.length_m, components.std_length_m, index, sizes.length_m, sizes.std_length_m
     )
     width, std_width = _updated(components.width_m, components.std_width_m, index, sizes.width_m, sizes.std_width_m)
-    return replace(components, length_m=length, std_length_m=std_length, width_m=width, std_width_m=std_width)
+    return components.having(length_m=length, std_length_m=std_length, width_m=width, std_width_m=std_width)
 
 
 def sizes_of(components: Components, index: IntArray) -> BodySizes:

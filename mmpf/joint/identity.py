@@ -75,7 +75,7 @@ def hand_over_identity(
     keep = np.ones(len(mixture), dtype=np.bool_)
     keep[left[again]] = False
     components = with_measured_sizes(components, heirs, sizes_of(components, left))
-    renamed = replace(mixture, components=replace(components, track_id=track_id, withdrawn=withdrawn))
+    renamed = replace(mixture, components=components.having(track_id=track_id, withdrawn=withdrawn))
     return Finetuned(renamed.keep(keep), int(linked.sum()), moments.take(keep))
 
 

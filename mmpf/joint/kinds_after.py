@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mmpf.belief.moments import Moments
@@ -94,7 +92,7 @@ def kinds_after(
         gain[:, VEHICLE] += sources.score_log_odds(correlation) - before.score_log_odds(correlation)
         kinds = normalised(kinds * np.exp(gain - gain.max(axis=1, keepdims=True))[:, :, None, None])
         kinds = bounded(kinds, 1.0 / (1.0 + np.exp(joint.kinds.largest_log_odds)))
-    return replace(sources, existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)
+    return sources.having(existence=existence, kinds=kinds, ended=ended, speed_log=speed_log, stood_log=stood_log)
 
 
 def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, situation: Situation) -> FloatArray:

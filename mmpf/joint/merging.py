@@ -91,7 +91,7 @@ def merge_lasting_overlaps(
         track_id[better], confirmed[better] = track_id[elder], confirmed[elder]
         keep[worse] = False
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
-    updated = replace(components, track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_s=overlap_s)
+    updated = components.having(track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_s=overlap_s)
     return replace(mixture, components=updated), keep
 
 
@@ -131,4 +131,4 @@ def with_known_vehicles(
     own, in_view = another * components.vehicle[heirs], components.born_in_view.copy()
     known_share = (1.0 - another) / np.maximum(1.0 - another + own, 1e-300)
     in_view[heirs] += known_share * (in_view[known] - in_view[heirs])
-    return replace(components, kinds=kinds, existence=existence, ended=ended, born_in_view=in_view)
+    return components.having(kinds=kinds, existence=existence, ended=ended, born_in_view=in_view)

@@ -8,8 +8,6 @@ only into the reported deviations: those of a mixture of the two cases.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mmpf.belief.moments import Moments
@@ -61,7 +59,7 @@ def mistaken_after(
     grown_m = dt_s * away[:, 2]
     away[:, 0] = np.minimum(away[:, 0] + grown_m * np.abs(np.cos(heading_rad)), FARTHEST_M)
     away[:, 1] = np.minimum(away[:, 1] + grown_m * np.abs(np.sin(heading_rad)), FARTHEST_M)
-    return replace(sources, mistaken=mistaken, away_std=away)
+    return sources.having(mistaken=mistaken, away_std=away)
 
 
 def retaken(
@@ -99,4 +97,4 @@ def with_mistakes(
     more = probability > mistaken[which]
     mistaken[which[more]] = probability[more]
     away[which[more]] = np.sqrt(offset**2 + hidden.variance[PLACED]).T[more]
-    return replace(sources, mistaken=mistaken, away_std=away)
+    return sources.having(mistaken=mistaken, away_std=away)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -128,8 +128,7 @@ def newborn_sources(
     options: FilterOptions,
 ) -> Sources:
     """Return new components of those identities and existence probabilities, shape (k,); see ``kinds_at_birth``."""
-    return replace(
-        Sources.newborn(track_id, existence, options.vehicle),
+    return Sources.newborn(track_id, existence, options.vehicle).having(
         kinds=kinds_at_birth(places, learned, sensor, options.joint),
         standing_ratio=places.standing_ratio(),
         born_in_view=places.in_view,

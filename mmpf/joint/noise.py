@@ -69,8 +69,7 @@ def with_innovations(
     expected = 1.0 - FOLLOWED_DRIFT * situation.sensor.noise_correlated_share
     learned = -np.expm1(-situation.dt_s / MEMORY_S)
     factor[hit] = np.clip(factor[hit] * (1.0 + 0.5 * learned * (surprise / expected - 1.0)), *FACTOR_BOUNDS)
-    return replace(
-        sources,
+    return sources.having(
         noise_factor=factor,
         noise_lon_m=_smoothed(sources.noise_lon_m, hit, std_lon, learned),
         noise_lat_m=_smoothed(sources.noise_lat_m, hit, std_lat, learned),

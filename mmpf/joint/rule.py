@@ -153,7 +153,7 @@ class JointUpdate:
             prior, moments, occlusion, not_seen, claimed, hit_probability, known, situation, self.joint
         )
         log_odds = (marginals.probability * np.log(detections.odds)).sum(axis=1) / np.maximum(hit_probability, 1e-12)
-        sources = replace(before.after_scan(was_hit, situation.dt_s, log_odds), missed=run, unexplained=lasting)
+        sources = before.after_scan(was_hit, situation.dt_s, log_odds).having(missed=run, unexplained=lasting)
         sources = kinds_after(
             sources, before, alive, ended, moments, sightings, known.false_objects, situation, self.options
         )
@@ -195,7 +195,7 @@ class JointUpdate:
         newborn = newborn_sources(
             mixture.new_track_ids(len(chosen)), existence, places, learned, known.sensor, self.options
         )
-        newborn = replace(newborn, noise_factor=np.full(len(chosen), common_factor(sources)))
+        newborn = newborn.having(noise_factor=np.full(len(chosen), common_factor(sources)))
         births = Births(situation.scan.detections, chosen, newborn, situation.traffic)
         mixture = give_birth(mixture, keep, births, situation.motion, self.options, rng)
 
@@ -219,11 +219,11 @@ class JointUpdate:
         confirmed_now, improbable = (judge(sources, in_path, joint) for judge in (to_confirm, is_improbable))
         stays = still_confirmed(sources, improbable, joint)
         withdrawn = sources.withdrawn | (sources.confirmed & ~stays)
-        sources = replace(sources, confirmed=stays, withdrawn=withdrawn, improbable=improbable)
+        sources = sources.having(confirmed=stays, withdrawn=withdrawn, improbable=improbable)
         if confirmed_now.any():
             confirmed_now &= ~stands_on_another(sources, moments)
             confirmed, withdrawn = stays | confirmed_now, withdrawn & ~confirmed_now
-            sources = replace(sources, confirmed=confirmed, withdrawn=withdrawn)
+            sources = sources.having(confirmed=confirmed, withdrawn=withdrawn)
         mixture = replace(mixture, components=sources)
         if not joint.identity.stitch:
             return Finetuned(mixture, moments=moments)

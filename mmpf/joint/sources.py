@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -80,7 +80,7 @@ class Sources(Components):
         """Return the components with hits, the expected log odds of their scores, (m,), and times seen and unseen."""
         after = super().after_scan(was_hit, dt_s)
         change = was_hit * (log_odds - self.score_log) / np.maximum(after.hits - 1, 1)
-        return replace(after, detected_s=self.detected_s + dt_s * was_hit, score_log=self.score_log + change)
+        return after.having(detected_s=self.detected_s + dt_s * was_hit, score_log=self.score_log + change)
 
     def score_log_odds(self, correlation: float) -> FloatArray:
         """Return the log odds of a vehicle by all scores of each, shape (m,).

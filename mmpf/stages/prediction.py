@@ -83,7 +83,7 @@ def prior_update(
     state, latents, log_ratio = proposal(motion, cloud.state, cloud.latents, surroundings, situation.scan, dt_s, rng)
     _add_model_error(state, surroundings.is_hidden, dt_s, error, rng)
     np.maximum(state[SPEED], 0.0, out=state[SPEED])
-    components = replace(mixture.components, age_s=mixture.components.age_s + dt_s)
+    components = mixture.components.having(age_s=mixture.components.age_s + dt_s)
     moved = replace(cloud, state=state, latents=latents, log_raw_weight=cloud.log_weight + log_ratio)
     return replace(mixture, cloud=moved, components=components)
 

@@ -32,6 +32,11 @@ def two_components() -> Components:
     return Components.newborn(np.array([4, 9]), np.array([0.5, 0.5]))
 
 
+def test_components_have_no_column_of_a_misspelt_name() -> None:
+    with pytest.raises(TypeError, match="lenght_m"):
+        two_components().having(lenght_m=np.ones(2))
+
+
 measurements = st.lists(st.tuples(st.floats(2.0, 20.0), st.floats(0.1, 5.0)), min_size=1, max_size=8)
 
 
