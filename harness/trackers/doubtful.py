@@ -12,8 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from harness.trackers.plane import fitted, is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting
+from harness.trackers.protocol import Tracker
 from mmpf.numerics.arrays import BoolArray, FloatArray, turned
 from mmpf.options.base import NotNegative, Positive, Settings, in_unit
 from mmpf.scan import EgoPose, Scan
@@ -108,9 +107,3 @@ class DoubtingTracker:
         ahead, aside = turned(lon, lat, turn)
         near = np.abs(aside) < PATH_HALF_WIDTH_M
         return np.asarray(near & (ahead > 0.0) & (ahead <= PATH_AHEAD_M))
-
-
-def as_reported(tracker: Tracker, setting: TrackerSetting, options: DoubtfulOptions) -> Tracker:
-    """Return a tracker of two coordinates fitted to the frame of its road, that doubts what the options say."""
-    tracker = fitted(tracker, setting)
-    return DoubtingTracker(tracker, options, is_in_plane(setting)) if options.on else tracker

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.trackers.protocol import Tracker, TrackerSetting
+from harness.trackers.protocol import TrackerSetting
 from mmpf.scan import Scan
 from mmpf.tracks import Tracks
 
@@ -37,20 +37,3 @@ def along_their_motion(tracks: Tracks) -> Tracks:
     speed = np.hypot(tracks.speed_mps, tracks.lat_speed_mps)
     cosine = np.divide(tracks.speed_mps, speed, out=np.zeros(len(tracks)), where=speed > _SLOW_MPS)
     return replace(tracks, speed_mps=speed, lat_speed_mps=np.zeros(len(tracks)), accel_mps2=tracks.accel_mps2 * cosine)
-
-
-def fitted(tracker: Tracker, setting: TrackerSetting) -> Tracker:
-    """Return a tracker of two coordinates for the frame of its road: as it is along one road, else for the plane."""
-    return PlaneTracker(tracker) if is_in_plane(setting) else tracker
-
-
-class PlaneTracker:
-    """A tracker of x and y, given scans without directions; its speeds are those along its tracks' motion."""
-
-    def __init__(self, tracker: Tracker) -> None:
-        """Wrap a tracker."""
-        self._tracker = tracker
-
-    def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks; see ``Tracker``."""
-        return along_their_motion(self._tracker.step(without_directions(scan)))

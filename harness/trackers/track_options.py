@@ -1,16 +1,21 @@
-"""Settings that all Kalman trackers share: motion, birth and reporting of tracks."""
+"""What all Kalman trackers share: settings of motion, birth and reporting of tracks, and how scans are prepared."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Annotated, TypeVar
 
+import numpy as np
 from pydantic import Field
 
-from harness.trackers.doubtful import DoubtfulOptions, as_reported
-from harness.trackers.plane import is_in_plane
+from harness.trackers.doubtful import DoubtfulOptions, DoubtingTracker
+from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
 from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting
+from mmpf.numerics.arrays import taken
 from mmpf.options.base import Positive, Settings, in_unit
+from mmpf.scan import Scan, check_scan
+from mmpf.tracks import Tracks
 
 
 class TrackOptions(Settings):
@@ -40,23 +45,52 @@ class TrackOptions(Settings):
     """When a track that stands amid moving traffic is reported as tentative only."""
 
 
+class RivalOptions(TrackOptions):
+    """Settings of a tracker whose confirmed tracks end when they are lost."""
+
+    longest_unseen_s: Positive = 5.0
+    """A confirmed track without detections for longer ends."""
+
+
 _Options = TypeVar("_Options", bound=TrackOptions)
+_DEVIATIONS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
-def in_frame(kind: type[_Options], setting: TrackerSetting, options: Mapping[str, object]) -> _Options:
-    """Return a tracker's options; in the plane y is filtered as x, since roads lead anywhere."""
-    chosen = kind.model_validate(dict(options))
-    if not is_in_plane(setting):
-        return chosen
-    alike = {"lat_noise": chosen.lon_noise, "birth_lat_speed_std_mps": chosen.birth_speed_std_mps}
-    return chosen.model_copy(update=alike)
+def factory(kind: type[_Options], make: Callable[[_Options, TrackerSetting], Tracker]) -> TrackerFactory:
+    """Return what builds a tracker of two coordinates, which is given scans as ``_TwoCoordinates`` prepares them.
 
-
-def factory(kind: type[_Options], tracker: Callable[[_Options, TrackerSetting], Tracker]) -> TrackerFactory:
-    """Return what builds a tracker of two coordinates from its options, as its road and its doubts need it."""
+    In the plane y is filtered as x, since roads lead anywhere.
+    """
 
     def build(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-        chosen = in_frame(kind, setting, options)
-        return as_reported(tracker(chosen, setting), setting, chosen.doubtful)
+        chosen, in_plane = kind.model_validate(dict(options)), is_in_plane(setting)
+        if in_plane:
+            alike = {"lat_noise": chosen.lon_noise, "birth_lat_speed_std_mps": chosen.birth_speed_std_mps}
+            chosen = chosen.model_copy(update=alike)
+        tracker = _TwoCoordinates(make(chosen, setting), chosen.noise_factor, in_plane)
+        return DoubtingTracker(tracker, chosen.doubtful, in_plane) if chosen.doubtful.on else tracker
 
     return build
+
+
+class _TwoCoordinates:
+    """A tracker that need not know the kind of road, nor check what it is given.
+
+    Its detections are in an order of their own, so that that of the input means nothing. In the plane it is told no
+    directions, and its speeds are those along its tracks' motion.
+    """
+
+    def __init__(self, tracker: Tracker, noise_factor: float, in_plane: bool) -> None:
+        self._tracker, self._noise_factor, self._in_plane = tracker, noise_factor, in_plane
+        self._time_s: float | None = None
+
+    def step(self, scan: Scan) -> Tracks:
+        """Take in one scan and return the tracks; see ``Tracker``."""
+        check_scan(scan, self._time_s)
+        self._time_s = scan.time_s
+        found = taken(scan.detections, np.lexsort((scan.detections.lat_m, scan.detections.lon_m)))
+        deviations = {name: self._noise_factor * getattr(found, name) for name in _DEVIATIONS}
+        scan = replace(scan, detections=replace(found, **deviations))
+        if self._in_plane:
+            return along_their_motion(self._tracker.step(without_directions(scan)))
+        return self._tracker.step(scan)

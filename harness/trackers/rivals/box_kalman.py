@@ -15,11 +15,11 @@ import numpy as np
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
-from harness.trackers.rivals.gaussian import best_pairs, in_order, pairs_of, scaled
+from harness.trackers.rivals.gaussian import best_pairs, pairs_of
 from harness.trackers.rivals.lives import Lives, remembered, reported
 from harness.trackers.track_options import factory
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken
-from mmpf.scan import Detections, Scan, check_scan
+from mmpf.scan import Detections, Scan
 from mmpf.tracks import Tracks
 
 
@@ -42,14 +42,8 @@ class BoxKalman:
         self._tracks = none_begun(options)
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks.
-
-        Raises:
-            InvalidScanError: See ``mmpf.scan.check_scan``.
-        """
-        check_scan(scan, self._time_s)
-        options = self._options
-        detections = scaled(in_order(scan.detections), options.noise_factor)
+        """Take in one scan and return the tracks; see ``Tracker``."""
+        options, detections = self._options, scan.detections
         if self._time_s is not None:
             self._tracks = predicted(self._tracks, scan.time_s - self._time_s, options, self._in_plane)
         self._time_s = scan.time_s

@@ -24,7 +24,7 @@ from harness.trackers.kalman import (
 )
 from harness.trackers.rivals.boxes import FlatBoxes, generalised_overlap
 from harness.trackers.rivals.lives import Lives
-from harness.trackers.rivals.options import RivalOptions
+from harness.trackers.track_options import RivalOptions
 from mmpf.numerics.arrays import FloatArray, IntArray, taken, wrapped
 from mmpf.options.base import Positive, in_unit
 from mmpf.options.filter import Footprint

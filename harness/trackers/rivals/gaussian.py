@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from harness.trackers.kalman import LAT, LON
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import Detections
 
 _TWO_PI = 2.0 * np.pi
@@ -25,23 +25,6 @@ class GatedPairs:
 
     squared_distance: FloatArray
     log_density: FloatArray
-
-
-def scaled(detections: Detections, factor: float) -> Detections:
-    """Return detections whose standard deviations are taken to be so many times what they report."""
-    if factor == 1.0:
-        return detections
-    return replace(
-        detections,
-        std_lon_m=factor * detections.std_lon_m,
-        std_lat_m=factor * detections.std_lat_m,
-        std_speed_mps=factor * detections.std_speed_mps,
-    )
-
-
-def in_order(detections: Detections) -> Detections:
-    """Return the detections in an order of their own, so that that of the input means nothing."""
-    return taken(detections, np.lexsort((detections.lat_m, detections.lon_m)))
 
 
 def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> GatedPairs:

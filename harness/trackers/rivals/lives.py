@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.trackers.kalman import LAT, LON, GaussianStates, tracks_of
-from harness.trackers.rivals.options import RivalOptions
+from harness.trackers.track_options import RivalOptions
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.scan import Scan
 from mmpf.stages.update_rule import RANGE_MARGIN_M

@@ -27,12 +27,12 @@ from harness.trackers.kalman import LAT, LON, GaussianStates, predict_constant_v
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.box_tracks import BoxOptions, BoxTracks, begun, none_begun, overlaps, predicted, taken_in
-from harness.trackers.rivals.gaussian import best_pairs, in_order, scaled
+from harness.trackers.rivals.gaussian import best_pairs
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, remembered, reported
 from harness.trackers.track_options import factory
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, joined, taken, wrapped
 from mmpf.options.base import NotNegative, Positive, Probability, in_unit
-from mmpf.scan import Detections, Scan, check_scan
+from mmpf.scan import Detections, Scan
 from mmpf.tracks import Tracks
 
 _OBSERVATIONS_KEPT = 16
@@ -126,14 +126,8 @@ class OcSort:
         self._tracks = OcTracks(nobody, Observations.first(0.0, nobody.middle_m), nobody.states)
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks.
-
-        Raises:
-            InvalidScanError: See ``mmpf.scan.check_scan``.
-        """
-        check_scan(scan, self._times_s[-1] if self._times_s else None)
-        options = self._options
-        detections = scaled(in_order(scan.detections), options.noise_factor)
+        """Take in one scan and return the tracks; see ``Tracker``."""
+        options, detections = self._options, scan.detections
         tracks = self._predicted(scan)
         index, detection = _matched(tracks, detections, options)
         tracks = _updated(tracks, index, detections, detection, self._times_s, options)

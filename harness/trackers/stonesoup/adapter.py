@@ -26,7 +26,7 @@ from harness.trackers.stonesoup.parts import (
 from harness.trackers.stonesoup.stitching import IdentityStitcher, LastSightings
 from harness.trackers.track_options import TrackOptions
 from mmpf.numerics.arrays import FloatArray
-from mmpf.scan import Scan, check_scan
+from mmpf.scan import Scan
 from mmpf.tracks import CONFIRMED, HIDDEN, Tracks
 
 _HIGHEST_SPEED_MPS = 40.0
@@ -35,37 +35,16 @@ _HIGHEST_SPEED_MPS = 40.0
 class StoneSoupTracker:
     """A Stone Soup tracker, fed scan by scan."""
 
-    def __init__(
-        self,
-        assembly: Assembly,
-        options: TrackOptions,
-        clutter_density_per_m2: float,
-        stitcher: IdentityStitcher | None = None,
-    ) -> None:
-        """Wrap a tracker that has been put together.
-
-        Args:
-            assembly: The tracker and its parts.
-            options: Its settings.
-            clutter_density_per_m2: Expected false detections per square metre.
-            stitcher: Hands on identities; None leaves them as they are.
-        """
-        self._assembly = assembly
-        self._options = options
-        self._clutter_density_per_m2 = clutter_density_per_m2
-        self._stitcher = stitcher
-        self._detections = DetectionMaker(options.noise_factor)
+    def __init__(self, assembly: Assembly, options: TrackOptions, stitcher: IdentityStitcher | None = None) -> None:
+        """Wrap a tracker that has been put together; without a stitcher it hands on no identities."""
+        self._assembly, self._options, self._stitcher = assembly, options, stitcher
+        hypothesiser = assembly.hypothesiser
+        self._clutter_density_per_m2 = 0.0 if hypothesiser is None else hypothesiser.clutter_spatial_density
+        self._detections = DetectionMaker()
         self._first_seen_s: dict[int, float] = {}
-        self._time_s: float | None = None
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the confirmed tracks.
-
-        Raises:
-            InvalidScanError: See ``mmpf.scan.check_scan``.
-        """
-        check_scan(scan, self._time_s)
-        self._time_s = scan.time_s
+        """Take in one scan and return the confirmed tracks; see ``Tracker``."""
         self._follow_ego(scan)
         moment = to_datetime(scan.time_s)
         detections = self._detections.make(scan.detections, moment)
@@ -79,8 +58,8 @@ class StoneSoupTracker:
         assembly.range_deleter.ego_lat_m = scan.ego.lat_m
         with_speed = bool(np.isfinite(scan.detections.speed_mps).all()) and len(scan.detections) > 0
         span = _HIGHEST_SPEED_MPS if with_speed else 1.0
-        for hypothesiser in assembly.hypothesisers:
-            hypothesiser.clutter_spatial_density = self._clutter_density_per_m2 / span
+        if assembly.hypothesiser is not None:
+            assembly.hypothesiser.clutter_spatial_density = self._clutter_density_per_m2 / span
 
     def _report(self, time_s: float) -> Tracks:
         living = list(self._assembly.tracker.tracks)
@@ -91,11 +70,10 @@ class StoneSoupTracker:
             forget_before_last_update(track)
         last_s = np.array([to_seconds(track.states[0].timestamp) for track in living])
         tracks = self._to_tracks(living, time_s - last_s)
-        return tracks if self._stitcher is None else self._stitch(self._stitcher, tracks, living, last_s)
-
-    def _stitch(self, stitcher: IdentityStitcher, tracks: Tracks, living: list[Track], last_s: FloatArray) -> Tracks:
+        if self._stitcher is None:
+            return tracks
         first_s = np.array([self._first_seen_s[track.id] for track in living])
-        stitched, replaced = stitcher.stitch(tracks, LastSightings(first_s, last_s), self._time_s or 0.0)
+        stitched, replaced = self._stitcher.stitch(tracks, LastSightings(first_s, last_s), time_s)
         for track in living:
             if track.id in replaced:
                 self._assembly.tracker.tracks.discard(track)
@@ -118,4 +96,4 @@ class Assembly:
     tracker: MultiTargetTracker | MultiTargetMixtureTracker
     initiator: NumberedInitiator
     range_deleter: BeyondRangeDeleter
-    hypothesisers: tuple[PDAHypothesiser, ...] = ()
+    hypothesiser: PDAHypothesiser | None = None

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Literal
 
 from harness.trackers.stonesoup.stitching import StitchingOptions
-from harness.trackers.track_options import TrackOptions
+from harness.trackers.track_options import RivalOptions, TrackOptions
 from mmpf.options.base import Positive, Probability
 
 
-class StoneSoupOptions(TrackOptions):
+class StoneSoupOptions(RivalOptions):
     """Settings of a tracker whose tracks end when they are lost."""
 
-    longest_unseen_s: Positive = 5.0
-    """A confirmed track without detections for longer ends."""
     largest_std_lon_m: Positive = 5.0
     """A track with a wider spread ends."""
 

@@ -24,7 +24,6 @@ from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
 from harness.trackers.kalman import LAT, LON, SPEED
-from mmpf.numerics.arrays import IntArray
 from mmpf.scan import Detections
 
 STATE_SIZE = 4
@@ -51,18 +50,16 @@ class DetectionMaker:
     are rounded to tenths.
     """
 
-    def __init__(self, noise_factor: float = 1.0) -> None:
-        self._noise_factor = noise_factor
+    def __init__(self) -> None:
         self._models: dict[tuple[tuple[float, ...], float], LinearGaussian] = {}
 
     def make(self, detections: Detections, moment: datetime) -> OrderedSet[Detection]:
-        """Return the detections in an order of their own, so that the order of the input means nothing.
+        """Return the detections in their order.
 
         The speed counts if every detection of the scan has it: likelihoods of different dimension can't be compared.
         """
         with_speed = bool(np.isfinite(detections.speed_mps).all())
-        order: IntArray = np.lexsort((detections.lat_m, detections.lon_m))
-        return OrderedSet(self._detection(detections, k, with_speed, moment) for k in order.tolist())
+        return OrderedSet(self._detection(detections, k, with_speed, moment) for k in range(len(detections)))
 
     def _detection(self, detections: Detections, k: int, with_speed: bool, moment: datetime) -> Detection:
         values = [detections.lon_m[k], detections.lat_m[k]]
@@ -70,7 +67,6 @@ class DetectionMaker:
         if with_speed:
             values.append(detections.speed_mps[k])
             stds.append(float(detections.std_speed_mps[k]))
-        stds = [self._noise_factor * std for std in stds]
         return Detection(
             np.array(values)[:, None],
             timestamp=moment,

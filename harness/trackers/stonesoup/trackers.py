@@ -6,7 +6,6 @@ after several detections and deleted when unseen for long or spread wide.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from datetime import timedelta
 
@@ -33,10 +32,9 @@ from stonesoup.types.array import StateVector
 from stonesoup.types.state import GaussianState
 from stonesoup.updater.kalman import KalmanUpdater
 
-from harness.trackers.doubtful import as_reported
 from harness.trackers.kalman import LAT_SPEED, LON, SPEED
 from harness.trackers.plane import is_in_plane
-from harness.trackers.protocol import Tracker, TrackerSetting
+from harness.trackers.protocol import TrackerSetting
 from harness.trackers.stonesoup.adapter import Assembly, StoneSoupTracker
 from harness.trackers.stonesoup.options import ImmortalOptions, JpdaOptions, StitchedJpdaOptions, StoneSoupOptions
 from harness.trackers.stonesoup.parts import (
@@ -47,53 +45,24 @@ from harness.trackers.stonesoup.parts import (
     WithinReach,
 )
 from harness.trackers.stonesoup.stitching import IdentityStitcher
-from harness.trackers.track_options import TrackOptions, in_frame
+from harness.trackers.track_options import TrackOptions, factory
 from mmpf.stages.update_rule import RANGE_MARGIN_M
 
 
-def build_gnn(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
+def _gnn(options: StoneSoupOptions, setting: TrackerSetting) -> StoneSoupTracker:
     """Kalman filters with global nearest neighbour association by Mahalanobis distance."""
-    chosen = in_frame(StoneSoupOptions, setting, options)
-    predictor, updater = _kalman(chosen)
-    return _one_to_one(chosen, setting, predictor, updater, _nearest_neighbour(chosen, predictor, updater))
+    return StoneSoupTracker(_assembly(MultiTargetTracker, options, setting, _nearest_neighbour(options)), options)
 
 
-def build_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """Kalman filters with joint probabilistic data association, exact by efficient hypothesis management (EHM2)."""
-    return _jpda(in_frame(JpdaOptions, setting, options), setting)
-
-
-def build_stitched_jpda(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
-    """``stonesoup-jpda``, and a newly confirmed track near a lost one takes its identity."""
-    chosen = in_frame(StitchedJpdaOptions, setting, options)
-    return _jpda(chosen, setting, IdentityStitcher(chosen.stitching))
-
-
-def build_immortal(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
+def _immortal(options: ImmortalOptions, setting: TrackerSetting) -> StoneSoupTracker:
     """Kalman filters whose confirmed tracks are predicted for as long as they are within range (arXiv 2111.13672)."""
-    chosen = in_frame(ImmortalOptions, setting, options)
-    predictor, updater = _kalman(chosen)
-    reach_m = chosen.gate_lon_m, chosen.gate_lon_m if is_in_plane(setting) else chosen.gate_lat_m
-    hypothesiser = (
-        DistanceHypothesiser(predictor, updater, measure=_in_shares_of(reach_m), missed_distance=1.0)
-        if chosen.association == "distance"
-        else DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=chosen.gate_std)
+    reach_m = options.gate_lon_m, options.gate_lon_m if is_in_plane(setting) else options.gate_lat_m
+    measure, missed = (
+        (_in_shares_of(reach_m), 1.0) if options.association == "distance" else (Mahalanobis(), options.gate_std)
     )
+    hypothesiser = DistanceHypothesiser(*_kalman(options), measure=measure, missed_distance=missed)
     associator = GNNWith2DAssignment(WithinReach(hypothesiser, reach_m))
-    return _one_to_one(chosen, setting, predictor, updater, associator)
-
-
-def _one_to_one(
-    options: TrackOptions,
-    setting: TrackerSetting,
-    predictor: KalmanPredictor,
-    updater: KalmanUpdater,
-    associator: DataAssociator,
-) -> Tracker:
-    """Return a tracker that gives a detection to one track at most."""
-    assembly = _assembly(MultiTargetTracker, options, setting, predictor, updater, associator)
-    tracker = StoneSoupTracker(assembly, options, setting.sensor.clutter_density_per_m2)
-    return as_reported(tracker, setting, options.doubtful)
+    return StoneSoupTracker(_assembly(MultiTargetTracker, options, setting, associator), options)
 
 
 def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:
@@ -102,33 +71,34 @@ def _in_shares_of(reach_m: tuple[float, float]) -> EuclideanWeighted:
     return EuclideanWeighted(1.0 / np.square(reach_m), mapping=position, mapping2=position)
 
 
-def _jpda(options: JpdaOptions, setting: TrackerSetting, stitcher: IdentityStitcher | None = None) -> Tracker:
-    predictor, updater = _kalman(options)
-    clutter = options.clutter_factor * setting.sensor.clutter_density_per_m2
+def _jpda(options: JpdaOptions, setting: TrackerSetting) -> StoneSoupTracker:
+    """Kalman filters with joint probabilistic data association, exact by efficient hypothesis management (EHM2)."""
     probability = options.detection_probability
     hypothesiser = PDAHypothesiser(
-        predictor=predictor,
-        updater=updater,
-        clutter_spatial_density=clutter,
+        *_kalman(options),
+        clutter_spatial_density=options.clutter_factor * setting.sensor.clutter_density_per_m2,
         prob_detect=setting.sensor.detection_probability if probability is None else probability,
         prob_gate=float(chi2.cdf(options.gate_std**2, 2)),
     )
-    associator = JPDAwithEHM2(hypothesiser)
-    assembly = _assembly(MultiTargetMixtureTracker, options, setting, predictor, updater, associator)
-    assembly = replace(assembly, hypothesisers=(hypothesiser,))
-    tracker = StoneSoupTracker(assembly, options, clutter, stitcher=stitcher)
-    return as_reported(tracker, setting, options.doubtful)
+    assembly = _assembly(MultiTargetMixtureTracker, options, setting, JPDAwithEHM2(hypothesiser))
+    # A newly confirmed track near a lost one takes its identity.
+    stitcher = IdentityStitcher(options.stitching) if isinstance(options, StitchedJpdaOptions) else None
+    return StoneSoupTracker(replace(assembly, hypothesiser=hypothesiser), options, stitcher)
+
+
+build_gnn = factory(StoneSoupOptions, _gnn)
+build_jpda = factory(JpdaOptions, _jpda)
+build_stitched_jpda = factory(StitchedJpdaOptions, _jpda)
+build_immortal = factory(ImmortalOptions, _immortal)
 
 
 def _assembly(
     kind: type[MultiTargetTracker | MultiTargetMixtureTracker],
     options: TrackOptions,
     setting: TrackerSetting,
-    predictor: KalmanPredictor,
-    updater: KalmanUpdater,
     associator: DataAssociator,
 ) -> Assembly:
-    begins, holds = _initiators(options, predictor, updater)
+    begins, holds = _initiators(options)
     range_deleter = BeyondRangeDeleter(setting.sensor.range_m + RANGE_MARGIN_M)
     deleters: list[Deleter] = [range_deleter]
     if isinstance(options, StoneSoupOptions):
@@ -139,7 +109,7 @@ def _assembly(
         deleter=CompositeDeleter(deleters, intersect=False),
         detector=None,
         data_associator=associator,
-        updater=updater,
+        updater=_kalman(options)[1],
     )
     # Stone Soup has no public way to be given an ordered set.
     tracker._tracks = OrderedSet()
@@ -151,16 +121,12 @@ def _kalman(options: TrackOptions) -> tuple[KalmanPredictor, KalmanUpdater]:
     return KalmanPredictor(CombinedLinearGaussianTransitionModel(axes)), KalmanUpdater(measurement_model=None)
 
 
-def _nearest_neighbour(
-    options: TrackOptions, predictor: KalmanPredictor, updater: KalmanUpdater
-) -> GNNWith2DAssignment:
-    hypothesiser = DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=options.gate_std)
-    return GNNWith2DAssignment(hypothesiser)
+def _nearest_neighbour(options: TrackOptions) -> GNNWith2DAssignment:
+    measure = Mahalanobis()
+    return GNNWith2DAssignment(DistanceHypothesiser(*_kalman(options), measure, missed_distance=options.gate_std))
 
 
-def _initiators(
-    options: TrackOptions, predictor: KalmanPredictor, updater: KalmanUpdater
-) -> tuple[NumberedInitiator, OrderedMultiMeasurementInitiator]:
+def _initiators(options: TrackOptions) -> tuple[NumberedInitiator, OrderedMultiMeasurementInitiator]:
     """Return what begins tracks, and what holds them until they are confirmed."""
     std = np.ones(STATE_SIZE)
     std[SPEED], std[LAT_SPEED] = options.birth_speed_std_mps, options.birth_lat_speed_std_mps
@@ -169,8 +135,8 @@ def _initiators(
     held = OrderedMultiMeasurementInitiator(
         prior_state=prior,
         deleter=UpdateTimeDeleter(timedelta(seconds=options.held_unseen_s)),
-        data_associator=_nearest_neighbour(options, predictor, updater),
-        updater=updater,
+        data_associator=_nearest_neighbour(options),
+        updater=_kalman(options)[1],
         min_points=options.confirm_detections,
         initiator=single,
     )

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from harness.trackers.catalogue import available_trackers, build_tracker, tracker_options
-from harness.trackers.doubtful import DoubtfulOptions, DoubtingTracker, as_reported
+from harness.trackers.doubtful import DoubtfulOptions, DoubtingTracker
 from harness.trackers.protocol import TrackerSetting
+from harness.trackers.track_options import TrackOptions, factory
 from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
@@ -118,8 +119,9 @@ def test_in_the_plane_the_path_leads_along_the_heading():
 
 
 def test_off_the_tracker_is_left_as_it_is():
-    tracker, setting = Scripted([]), TrackerSetting(CorridorRoad(lanes=()), SensorModel(), np.random.default_rng(0))
-    assert as_reported(tracker, setting, DoubtfulOptions()) is tracker
+    setting = TrackerSetting(CorridorRoad(lanes=()), SensorModel(), np.random.default_rng(0))
+    amid = tracks_at([STANDS, *OTHERS])
+    assert factory(TrackOptions, lambda *_: Scripted([amid]))(setting, {}).step(Scan(0.0, NOBODY, EGO)) is amid
 
 
 RIVALS = sorted(set(available_trackers()) - {"mmpf", "oracle-kalman", "detections"})

@@ -15,12 +15,11 @@ import numpy as np
 
 from harness.trackers.kalman import LAT, LON, GaussianStates, newborn, predict_constant_velocity
 from harness.trackers.protocol import TrackerSetting
-from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import Lives, remembered, reported
 from harness.trackers.rivals.lmb.options import LmbOptions
 from harness.trackers.track_options import factory
 from mmpf.numerics.arrays import joined, taken
-from mmpf.scan import Detections, Scan, check_scan
+from mmpf.scan import Detections, Scan
 from mmpf.tracks import Tracks
 
 _CLAIMED = 0.5
@@ -41,13 +40,8 @@ class Lmb:
         self._births = GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4)))
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks.
-
-        Raises:
-            InvalidScanError: See ``mmpf.scan.check_scan``.
-        """
-        check_scan(scan, self._time_s)
-        detections = scaled(in_order(scan.detections), self._options.noise_factor)
+        """Take in one scan and return the tracks; see ``Tracker``."""
+        detections = scan.detections
         before_s = scan.time_s if self._time_s is None else self._time_s
         self._time_s, self._scans = scan.time_s, self._scans + 1
         made, births = self._filter(detections, scan.time_s - before_s), len(self._births.mean)

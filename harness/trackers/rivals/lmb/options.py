@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from harness.trackers.rivals.options import RivalOptions
+from harness.trackers.track_options import RivalOptions
 from mmpf.options.base import Positive, Probability
 
 

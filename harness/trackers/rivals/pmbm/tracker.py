@@ -16,9 +16,7 @@ from pydantic import Field
 from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict_constant_velocity
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
-from harness.trackers.rivals.gaussian import in_order, scaled
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, remembered, reported
-from harness.trackers.rivals.options import RivalOptions
 from harness.trackers.rivals.pmbm.clusters import HypothesisLimits
 from harness.trackers.rivals.pmbm.mixture import (
     HypothesisMixture,
@@ -30,12 +28,12 @@ from harness.trackers.rivals.pmbm.mixture import (
     without,
 )
 from harness.trackers.shadow_model import POINTS, Visibility, detection_probabilities
-from harness.trackers.track_options import factory
+from harness.trackers.track_options import RivalOptions, factory
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, taken
 from mmpf.options.base import Positive, Probability
 from mmpf.options.filter import Footprint
-from mmpf.scan import Detections, Scan, check_scan
+from mmpf.scan import Detections, Scan
 from mmpf.tracks import Tracks
 from mmpf.visibility.depth import Occluders, depth_table
 
@@ -96,16 +94,10 @@ class Pmbm:
         self._mixture = nothing(options.alike_scans)
 
     def step(self, scan: Scan) -> Tracks:
-        """Take in one scan and return the tracks.
-
-        Raises:
-            InvalidScanError: See ``mmpf.scan.check_scan``.
-        """
-        check_scan(scan, self._time_s)
-        detections = scaled(in_order(scan.detections), self._options.noise_factor)
+        """Take in one scan and return the tracks; see ``Tracker``."""
         mixture = self._predicted(scan)
         self._time_s = scan.time_s
-        self._mixture = updated_mixture(mixture, self._measured(scan, mixture, detections), self._pruning)
+        self._mixture = updated_mixture(mixture, self._measured(scan, mixture), self._pruning)
         return self._report(scan.time_s)
 
     def _predicted(self, scan: Scan) -> HypothesisMixture:
@@ -119,8 +111,8 @@ class Pmbm:
         mixture = mixture if goes_on.all() else without(mixture, ~goes_on)
         return survived(mixture, float(np.exp(-interval_s / options.stay_s)))
 
-    def _measured(self, scan: Scan, mixture: HypothesisMixture, detections: Detections) -> MeasuredHypotheses:
-        options, count = self._options, len(detections)
+    def _measured(self, scan: Scan, mixture: HypothesisMixture) -> MeasuredHypotheses:
+        options, detections, count = self._options, scan.detections, len(scan.detections)
         clutter = options.clutter_factor * self._sensor.clutter_density_per_m2
         lives = Lives.begun(self._next_track_id, count, scan.time_s)
         self._next_track_id += count

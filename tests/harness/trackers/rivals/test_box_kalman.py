@@ -78,4 +78,5 @@ def test_confirmed_tracks_choose_before_newcomers():
     near = np.argmin(np.abs(tracks.lon_m - ego.lon_m - 21.4))
     assert len(old) == 1
     assert np.ptp(tracks.lon_m) > 0.5 or tracks.track_id[near] == old[0]
-    assert tracker._tracks.lives.last_seen_s[tracker._tracks.lives.track_id == old[0]] == pytest.approx(0.6)
+    lives = tracker._tracker._tracks.lives
+    assert lives.last_seen_s[lives.track_id == old[0]] == pytest.approx(0.6)

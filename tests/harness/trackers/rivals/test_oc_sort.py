@@ -53,11 +53,10 @@ def test_a_track_found_again_is_as_if_it_had_been_seen_on_a_straight_way_all_the
     again, all_along = tracker_of(), tracker_of()
     shown(again, times, [*before, *[None] * len(share), found])
     shown(all_along, times, [*before, *straight, found])
-    assert again._tracks.boxes.lives.track_id.tolist() == all_along._tracks.boxes.lives.track_id.tolist() == [1]
-    np.testing.assert_allclose(again._tracks.boxes.states.mean, all_along._tracks.boxes.states.mean, rtol=1e-12)
-    np.testing.assert_allclose(
-        again._tracks.boxes.states.covariance, all_along._tracks.boxes.states.covariance, atol=1e-12
-    )
+    one, other = again._tracker._tracks.boxes, all_along._tracker._tracks.boxes
+    assert one.lives.track_id.tolist() == other.lives.track_id.tolist() == [1]
+    np.testing.assert_allclose(one.states.mean, other.states.mean, rtol=1e-12)
+    np.testing.assert_allclose(one.states.covariance, other.states.covariance, atol=1e-12)
 
 
 def test_tracks_found_again_after_gaps_of_their_own_do_not_disturb_each_other():
@@ -72,7 +71,7 @@ def test_tracks_found_again_after_gaps_of_their_own_do_not_disturb_each_other():
         tracker = tracker_of()
         for k, time_s in enumerate(times):
             tracker.step(Scan(time_s, found(time_s, k, lats), ego_at(time_s)))
-        states = tracker._tracks.boxes.states.mean
+        states = tracker._tracker._tracks.boxes.states.mean
         return states[np.argsort(states[:, LAT])]
 
     np.testing.assert_allclose(states_of(list(gaps)), np.concatenate([states_of([lat]) for lat in sorted(gaps)]))
@@ -85,7 +84,8 @@ def test_without_any_of_the_three_it_is_the_tracker_of_boxes():
     same = {"longest_unseen_s": 3.0, "confirm_detections": 3, "least_overlap": -0.4, "noise_factor": 1.0, **NOISE}
     boxes = build_tracker("box-kalman", TrackerSetting(ROAD, SENSOR, np.random.default_rng(0)), same)
     np.testing.assert_array_equal(shown(bare, times, places).lon_m, shown(boxes, times, places).lon_m)
-    np.testing.assert_array_equal(bare._tracks.boxes.states.covariance, boxes._tracks.states.covariance)
+    one, other = bare._tracker._tracks.boxes.states, boxes._tracker._tracks.states
+    np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
 @pytest.mark.parametrize(
@@ -116,12 +116,12 @@ def test_momentum_decides_between_two_detections_of_like_overlap(weight, chosen)
     times = 0.1 * np.arange(20)
     for time_s in times:
         tracker.step(Scan(time_s, detections([200.0 + 15.0 * time_s], [5.0]), ego_at(time_s)))
-    states, vehicle = tracker._tracks.boxes.states, Footprint()
+    states, vehicle = tracker._tracker._tracks.boxes.states, Footprint()
     x, y = (states.mean[:, [LON, LAT]] + 0.1 * states.mean[:, [SPEED, LAT_SPEED]])[0]
     # Boxes moved by the same share of their length or width overlap alike; the one aside is a little nearer.
     places = {"ahead": (x + 0.4 * vehicle.length_m, y), "aside": (x, y + 0.39 * vehicle.width_m)}
     tracker.step(Scan(2.0, detections(*zip(*places.values(), strict=True)), ego_at(2.0)))
-    tracks = tracker._tracks
+    tracks = tracker._tracker._tracks
     assert tracks.boxes.lives.track_id.tolist() == [1, 2]
     assert tracks.observed.last_m[0] == pytest.approx(places[chosen])
 

@@ -129,7 +129,7 @@ def test_a_track_remembers_no_more_than_since_its_last_update():
     tracker = build("stonesoup-jpda")
     for labelled in scripted_scans(CARS, times(3.0), np.random.default_rng(8)):
         tracker.step(labelled.scan)
-    assert max(len(track.states) for track in tracker._assembly.tracker.tracks) <= 2
+    assert max(len(track.states) for track in tracker._tracker._assembly.tracker.tracks) <= 2
 
 
 def test_correlated_noise_is_the_covariance_that_stone_soup_measures_with():
