@@ -75,7 +75,7 @@ def _matched(tracks: BoxTracks, detections: Detections, options: BoxKalmanOption
 def _gains(tracks: BoxTracks, detections: Detections, options: BoxKalmanOptions) -> tuple[FloatArray, BoolArray]:
     """Return the gain of matching each track with each detection, and whether the match is allowed, shape (n, d)."""
     if options.association == "mahalanobis":
-        squared = pairs_of(tracks.states.mean, tracks.states.covariance, detections).squared_distance
+        squared, _ = pairs_of(tracks.states.mean, tracks.states.covariance, detections)
         return options.gate_std**2 - squared, squared <= options.gate_std**2
     overlap = overlaps(tracks, tracks.middle_m, detections, options)
     return overlap - options.least_overlap + 1e-9, overlap >= options.least_overlap

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -14,26 +12,16 @@ from mmpf.scan import Detections
 _TWO_PI = 2.0 * np.pi
 
 
-@dataclass(frozen=True)
-class GatedPairs:
-    """Each of n beliefs against each of d detections, by position.
-
-    Attributes:
-        squared_distance: Squared Mahalanobis distances, shape (n, d).
-        log_density: Logarithms of the densities of the detections' places, 1/m², shape (n, d).
-    """
-
-    squared_distance: FloatArray
-    log_density: FloatArray
-
-
-def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> GatedPairs:
-    """Compare beliefs and detections by position.
+def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -> tuple[FloatArray, FloatArray]:
+    """Compare each of n beliefs with each of d detections by position.
 
     Args:
         mean: Means whose rows are those of ``kalman.LON`` and so on, shape (n, 4 or more).
         covariance: Covariances of the same order.
         detections: The detections, d of them.
+
+    Returns:
+        Squared Mahalanobis distances, and logarithms of the densities of the detections' places, 1/m², each (n, d).
     """
     off_lon = detections.lon_m - mean[:, LON, None]
     off_lat = detections.lat_m - mean[:, LAT, None]
@@ -42,7 +30,7 @@ def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -
     lon_lat = covariance[:, LON, LAT, None]
     determinant = lon_lon * lat_lat - lon_lat**2
     squared = (lat_lat * off_lon**2 - 2.0 * lon_lat * off_lon * off_lat + lon_lon * off_lat**2) / determinant
-    return GatedPairs(squared, -0.5 * squared - 0.5 * np.log(determinant) - np.log(_TWO_PI))
+    return squared, -0.5 * squared - 0.5 * np.log(determinant) - np.log(_TWO_PI)
 
 
 def best_pairs(gain: FloatArray, allowed: BoolArray) -> tuple[IntArray, IntArray]:

@@ -22,16 +22,23 @@ Key = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class HypothesisLimits:
-    """How many global hypotheses are kept.
+class Pruning:
+    """What is left out.
 
     Attributes:
-        most: In one cluster.
+        most: So many global hypotheses of a cluster are kept.
         least_weight: Smallest weight of one, as a share of the best.
+        least_existence: Single hypotheses that exist with less than this probability are dropped.
+        alike_scans: Global hypotheses by which, whatever the tracks' identities, the same vehicles had the same
+            detections for so many scans are one, with the identities of the best of them; 0 keeps them apart. After so
+            long their densities are nearly the same, and no later scan can tell which is right.
     """
 
+    gate_std: float
     most: int
     least_weight: float
+    least_existence: float
+    alike_scans: int = 0
 
 
 @dataclass(frozen=True)
@@ -103,12 +110,12 @@ def together(gated: Sequence[Sequence[int]]) -> list[tuple[list[int], list[int]]
     return [(sorted(inside), sorted(seen)) for inside, seen in members.values()]
 
 
-def merged(clusters: Sequence[Cluster], limits: HypothesisLimits) -> Cluster:
+def merged(clusters: Sequence[Cluster], pruning: Pruning) -> Cluster:
     """Return one cluster of all: every combination of global hypotheses, the best of them kept."""
     first, *others = clusters
     for other in others:
         weights = [one + two for one in first.log_weight for two in other.log_weight]
-        kept = _best(weights, limits)
+        kept = _best(weights, pruning)
         many = len(other.rows)
         rows = tuple(first.rows[k // many] + other.rows[k % many] for k in kept)
         first = Cluster(rows, normalised([weights[k] for k in kept]))
@@ -116,7 +123,7 @@ def merged(clusters: Sequence[Cluster], limits: HypothesisLimits) -> Cluster:
 
 
 def explained(
-    cluster: Cluster, detections: Sequence[int], evidence: ScanLikelihoods, limits: HypothesisLimits
+    cluster: Cluster, detections: Sequence[int], evidence: ScanLikelihoods, pruning: Pruning
 ) -> ClusterOutcome:
     """Return a cluster after a scan: the best assignments of its detections under each global hypothesis."""
     keys: list[tuple[Key | None, ...]] = []
@@ -130,8 +137,8 @@ def explained(
             weights.append(base)
             continue
         base += sum(evidence.new[each] for each in detections)
-        count = max(1, math.ceil(limits.most * math.exp(log_weight)))
-        for worth, tracks in _assigned(singles, detections, evidence, count, limits):
+        count = max(1, math.ceil(pruning.most * math.exp(log_weight)))
+        for worth, tracks in _assigned(singles, detections, evidence, count, pruning):
             got = {singles[track]: each for each, track in zip(detections, tracks, strict=True) if track != NOBODY}
             own = (None if key is None else (key[0], got.get(key[0], NOBODY)) for key in missed)
             new = (
@@ -139,7 +146,7 @@ def explained(
             )
             keys.append((*own, *new))
             weights.append(base + worth)
-    kept = _best(weights, limits)
+    kept = _best(weights, pruning)
     return ClusterOutcome(tuple(keys[k] for k in kept), normalised([weights[k] for k in kept]))
 
 
@@ -177,12 +184,12 @@ def normalised(log_weight: Sequence[float]) -> tuple[float, ...]:
 
 
 def _assigned(
-    singles: Sequence[int], detections: Sequence[int], evidence: ScanLikelihoods, count: int, limits: HypothesisLimits
+    singles: Sequence[int], detections: Sequence[int], evidence: ScanLikelihoods, count: int, pruning: Pruning
 ) -> list[Assignment]:
     """Return the best assignments of detections to hypotheses, by their places among them."""
     if not singles:
         return [(0.0, (NOBODY,) * len(detections))]
-    worst_loss = -math.log(limits.least_weight)
+    worst_loss = -math.log(pruning.least_weight)
     gain = [
         [float(evidence.hit[single, k]) - evidence.miss[single] - evidence.new[k] for single in singles]
         for k in detections
@@ -208,8 +215,8 @@ def _summed(cluster: Cluster, says: Sequence[Hashable]) -> Cluster:
     return Cluster(tuple(cluster.rows[kept[k]] for k in order), tuple(weights[k] for k in order))
 
 
-def _best(log_weight: Sequence[float], limits: HypothesisLimits) -> list[int]:
+def _best(log_weight: Sequence[float], pruning: Pruning) -> list[int]:
     """Return the weightiest hypotheses, best first."""
-    order = sorted(range(len(log_weight)), key=lambda k: -log_weight[k])[: limits.most]
-    least = log_weight[order[0]] + math.log(limits.least_weight)
+    order = sorted(range(len(log_weight)), key=lambda k: -log_weight[k])[: pruning.most]
+    least = log_weight[order[0]] + math.log(pruning.least_weight)
     return [k for k in order if log_weight[k] >= least]

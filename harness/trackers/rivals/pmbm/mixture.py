@@ -20,8 +20,8 @@ from harness.trackers.rivals.pmbm.clusters import (
     NO_TRACK,
     Cluster,
     ClusterOutcome,
-    HypothesisLimits,
     Key,
+    Pruning,
     ScanLikelihoods,
     explained,
     merged,
@@ -90,23 +90,6 @@ COUNTED_EXISTENCE = 0.1
 """Who exists with less than this probability makes no difference to which hypotheses are alike."""
 
 
-@dataclass(frozen=True)
-class Pruning:
-    """What is left out.
-
-    Attributes:
-        least_existence: Single hypotheses that exist with less than this probability are dropped.
-        alike_scans: Global hypotheses by which, whatever the tracks' identities, the same vehicles had the same
-            detections for so many scans are one, with the identities of the best of them; 0 keeps them apart. After so
-            long their densities are nearly the same, and no later scan can tell which is right.
-    """
-
-    gate_std: float
-    limits: HypothesisLimits
-    least_existence: float
-    alike_scans: int = 0
-
-
 def nothing(scans: int = 0) -> HypothesisMixture:
     """Return what is believed before the first scan, with room for the detections of so many scans."""
     states, none = GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4))), np.zeros((0, scans), dtype=np.int64)
@@ -116,15 +99,15 @@ def nothing(scans: int = 0) -> HypothesisMixture:
 def updated_mixture(mixture: HypothesisMixture, measured: MeasuredHypotheses, pruning: Pruning) -> HypothesisMixture:
     """Return the beliefs after a scan."""
     singles, detections = mixture.singles, measured.detections
-    pairs = pairs_of(singles.states.mean, singles.states.covariance, detections)
-    inside = pairs.squared_distance <= pruning.gate_std**2
+    squared, log_density = pairs_of(singles.states.mean, singles.states.covariance, detections)
+    inside = squared <= pruning.gate_std**2
     exists_and_seen = np.clip(singles.existence * measured.seen, 1e-12, 1.0 - 1e-12)
     evidence = ScanLikelihoods(
-        hit=np.where(inside, np.log(exists_and_seen)[:, None] + pairs.log_density, -np.inf),
+        hit=np.where(inside, np.log(exists_and_seen)[:, None] + log_density, -np.inf),
         miss=np.log1p(-exists_and_seen).tolist(),
         new=np.log(measured.clutter_density + measured.newcomers).tolist(),
     )
-    outcomes = _outcomes(mixture.clusters, inside, evidence, pruning.limits)
+    outcomes = _outcomes(mixture.clusters, inside, evidence, pruning)
     keys = sorted({key for outcome in outcomes for row in outcome.keys for key in row if key is not None})
     place: dict[Key | None, int] = {key: k for k, key in enumerate(keys)}
     place[None] = NO_TRACK
@@ -165,7 +148,7 @@ def _told(singles: Singles) -> list[tuple[int, ...] | None]:
 
 
 def _outcomes(
-    clusters: Sequence[Cluster], inside: BoolArray, evidence: ScanLikelihoods, limits: HypothesisLimits
+    clusters: Sequence[Cluster], inside: BoolArray, evidence: ScanLikelihoods, pruning: Pruning
 ) -> list[ClusterOutcome]:
     near: list[list[int]] = [[] for _ in inside]
     for single, detection in np.argwhere(inside).tolist():
@@ -178,8 +161,8 @@ def _outcomes(
     left = set(range(inside.shape[1]))
     for members, detections in together(gated):
         left.difference_update(detections)
-        cluster = merged([clusters[k] for k in members], limits)
-        outcomes.append(explained(cluster, detections, evidence, limits))
+        cluster = merged([clusters[k] for k in members], pruning)
+        outcomes.append(explained(cluster, detections, evidence, pruning))
     return [*outcomes, *(ClusterOutcome((((NO_TRACK, k),),), (0.0,)) for k in sorted(left))]
 
 

@@ -3,6 +3,7 @@
 Vehicles that were never detected are spread evenly over what the sensor covers, at a density that is in balance between
 newcomers and detections. With ``shadow_aware`` the detection probability of each single hypothesis is that where it may
 be behind the other tracks' shadows, as in OptiPMB (arXiv 2503.12968), so that a hidden vehicle goes on existing.
+Nothing of that is told by the truth: bodies and shadows are those of the tracks.
 """
 
 from __future__ import annotations
@@ -17,17 +18,15 @@ from harness.trackers.kalman import LAT, LAT_SPEED, LON, SPEED, newborn, predict
 from harness.trackers.plane import is_in_plane
 from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.lives import TIME_TOLERANCE_S, Lives, remembered, reported
-from harness.trackers.rivals.pmbm.clusters import HypothesisLimits
+from harness.trackers.rivals.pmbm.clusters import Pruning
 from harness.trackers.rivals.pmbm.mixture import (
     HypothesisMixture,
     MeasuredHypotheses,
-    Pruning,
     nothing,
     survived,
     updated_mixture,
     without,
 )
-from harness.trackers.shadow_model import POINTS, Visibility, detection_probabilities
 from harness.trackers.track_options import RivalOptions, factory
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, taken
@@ -36,13 +35,17 @@ from mmpf.options.filter import Footprint
 from mmpf.scan import Detections, Scan
 from mmpf.tracks import Tracks
 from mmpf.visibility.depth import Occluders, depth_table
+from mmpf.visibility.shadows import visible_fractions
 
 _SLOW_MPS = 1.0
 _LEAST_OF_NEWCOMERS = 0.1
 
 # A track with a detection within this time casts a shadow.
 _OCCLUDER_UNSEEN_S = 1.0
-_LIMITS = HypothesisLimits(most=10, least_weight=0.01)
+_MOST, _LEAST_WEIGHT = 10, 0.01
+# Five points that stand for a Gaussian, in standard deviations, and what they weigh.
+_POINTS, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+_WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
 
 class PmbmOptions(RivalOptions):
@@ -84,11 +87,10 @@ class Pmbm:
         self._options, self._sensor, self._road = options, setting.sensor, setting.road
         self._in_plane = is_in_plane(setting)
         chosen = options.detection_probability
-        in_view = setting.sensor.detection_probability if chosen is None else chosen
-        self._visibility = Visibility(setting.sensor, in_view, options.hidden_probability)
+        self._in_view = setting.sensor.detection_probability if chosen is None else chosen
         newcomer_exists = options.newcomer_share / (1.0 + options.newcomer_share)
         least_existence = min(options.least_existence, _LEAST_OF_NEWCOMERS * newcomer_exists)
-        self._pruning = Pruning(options.gate_std, _LIMITS, least_existence, options.alike_scans)
+        self._pruning = Pruning(options.gate_std, _MOST, _LEAST_WEIGHT, least_existence, options.alike_scans)
         self._time_s: float | None = None
         self._next_track_id = 1
         self._mixture = nothing(options.alike_scans)
@@ -133,10 +135,10 @@ class Pmbm:
         return np.column_stack([sizes.length_m, sizes.width_m])
 
     def _seen(self, scan: Scan, mixture: HypothesisMixture) -> FloatArray:
-        """Return the detection probability of each single hypothesis, shape (h,)."""
-        singles, best = mixture.singles, mixture.best
+        """Return the detection probability of each single hypothesis, a mean over where it may be, shape (h,)."""
+        singles, best, sensor = mixture.singles, mixture.best, self._sensor
         if not self._options.shadow_aware or not len(best):
-            return np.full(len(singles.existence), self._visibility.in_view)
+            return np.full(len(singles.existence), self._in_view)
         mean = singles.states.mean
         # A hypothesis is not in the shadow of its own track; one that is in no best hypothesis casts none itself.
         others, first = np.unique(singles.lives.track_id, return_index=True)
@@ -151,9 +153,12 @@ class Pmbm:
         caster_of = dict(zip(singles.lives.track_id[best].tolist(), range(len(best)), strict=True))
         component = np.array([caster_of[number] for number in singles.lives.track_id.tolist()], dtype=np.int64)
         along = _widest(singles.states.covariance)
-        lon, lat = ((mean[:, row, None] + along[:, k, None] * POINTS).ravel() for k, row in enumerate((LON, LAT)))
-        places = lon, lat, np.repeat(component, len(POINTS))
-        return detection_probabilities(plane, places, bodies, table, self._visibility)
+        lon, lat = ((mean[:, row, None] + along[:, k, None] * _POINTS).ravel() for k, row in enumerate((LON, LAT)))
+        visible = visible_fractions(plane, lon, lat, np.repeat(component, len(_POINTS)), bodies, table)
+        share = np.clip(visible / max(sensor.full_view_fraction, 1e-6), 0.0, 1.0)
+        can_be_seen = (visible >= sensor.hidden_fraction) & (plane.distance_m(lon, lat) <= sensor.range_m)
+        probability = np.maximum(np.where(can_be_seen, self._in_view * share, 0.0), self._options.hidden_probability)
+        return np.asarray(probability.reshape(-1, len(_POINTS)) @ _WEIGHTS, dtype=np.float64)
 
     def _turn(self, mean: FloatArray) -> FloatArray | None:
         """Return where vehicles point in the plane, shape (m,); None along the road."""

@@ -14,11 +14,10 @@ from scipy.optimize import linear_sum_assignment
 from harness.trackers.kalman import LAT, LON, GaussianStates, predict_constant_velocity, update_variable
 from harness.trackers.rivals.gaussian import pairs_of
 from harness.trackers.rivals.lives import Lives
-from harness.trackers.rivals.pmbm.clusters import HypothesisLimits
+from harness.trackers.rivals.pmbm.clusters import Pruning
 from harness.trackers.rivals.pmbm.mixture import (
     HypothesisMixture,
     MeasuredHypotheses,
-    Pruning,
     nothing,
     survived,
     updated_mixture,
@@ -30,7 +29,7 @@ STEPS, TARGETS, SIDE_M = 81, 4, 300.0
 NOISE, SEEN, CLUTTER, SURVIVES, BORN, AT_FIRST = 0.02, 0.9, 10.0, 0.99, 0.005, 3.0
 CUTOFF_M = 10.0
 REPORTED = 0.4
-PRUNING = Pruning(gate_std=20.0**0.5, limits=HypothesisLimits(200, 1e-4), least_existence=1e-5)
+PRUNING = Pruning(gate_std=20.0**0.5, most=200, least_weight=1e-4, least_existence=1e-5)
 BIRTH = GaussianStates(np.array([[100.0, 0.0, 100.0, 0.0]]), np.diag([150.0, 1.0, 150.0, 1.0])[None] ** 2)
 
 
@@ -48,11 +47,7 @@ class Undetected:
 
     def expected(self, detections: Detections) -> tuple[FloatArray, GaussianStates]:
         """Return how many are expected at each detection, 1/m², and what would be believed of one there."""
-        share = (
-            SEEN
-            * self.weight[:, None]
-            * np.exp(pairs_of(self.states.mean, self.states.covariance, detections).log_density)
-        )
+        share = SEEN * self.weight[:, None] * np.exp(pairs_of(self.states.mean, self.states.covariance, detections)[1])
         means, covariances = [], []
         for k in range(len(detections)):
             each = np.arange(len(self.weight))

@@ -13,13 +13,13 @@ from harness.trackers.rivals.lives import Lives
 from harness.trackers.rivals.pmbm.clusters import (
     NO_TRACK,
     Cluster,
-    HypothesisLimits,
+    Pruning,
     merged,
     simplified,
     together,
     united,
 )
-from harness.trackers.rivals.pmbm.mixture import HypothesisMixture, Pruning, Singles
+from harness.trackers.rivals.pmbm.mixture import HypothesisMixture, Singles
 from harness.trackers.rivals.pmbm.tracker import Pmbm, PmbmOptions
 from mmpf.map.corridor_road import highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
@@ -40,7 +40,7 @@ from tests.harness.trackers.rivals.close_targets import (
 )
 
 SETTING = TrackerSetting(highway(), SensorModel(), np.random.default_rng(0))
-EVERYTHING = Pruning(gate_std=1e6, limits=HypothesisLimits(10**12, 1e-30), least_existence=1e-12)
+EVERYTHING = Pruning(gate_std=1e6, most=10**12, least_weight=1e-30, least_existence=1e-12)
 PLACES = ((100.0, 100.0), (104.0, 99.0)), ((101.0, 100.5), (103.0, 99.5)), ((102.0, 100.0),)
 SCANS = [np.array(places) for places in PLACES]
 
@@ -122,7 +122,7 @@ def partition_weights(mixture: HypothesisMixture) -> dict[frozenset, float]:
     """Return what the filter makes of the same partitions, from the detections that each hypothesis remembers."""
     order = [(scan, k) for scan, places in enumerate(SCANS) for k in range(len(places))]
     number = {1 + k: label for k, label in enumerate(order)}
-    whole = merged(list(mixture.clusters), EVERYTHING.limits)
+    whole = merged(list(mixture.clusters), EVERYTHING)
     weights: dict[frozenset, float] = {}
     for row, log_weight in zip(whole.rows, whole.log_weight, strict=True):
         recent = [mixture.singles.recent[single] for single in row if single != NO_TRACK]
@@ -145,7 +145,7 @@ def test_every_association_has_the_weight_of_a_brute_force_enumeration(monkeypat
     assert sum(known.values()) == pytest.approx(1.0)
     for key, weight in known.items():
         assert found.get(key, 0.0) == pytest.approx(weight, rel=2e-3, abs=1e-9)
-    whole = merged(list(mixture.clusters), EVERYTHING.limits)
+    whole = merged(list(mixture.clusters), EVERYTHING)
     expected = sum(
         np.exp(weight) * sum(mixture.singles.existence[single] for single in row if single != NO_TRACK)
         for row, weight in zip(whole.rows, whole.log_weight, strict=True)
