@@ -134,7 +134,7 @@ def _simulated(config: RunConfig, simulate: Simulate) -> SnapshotStream:
         raise InputError(f"`density`: {network.name} brings its own demand; leave `density` out")
     reach_m = max(REACH_M, sensor.model().range_m + BEYOND_RANGE_M)
     truth = simulate(network, traffic, config.seed, reach_m)
-    left_out = network.sumo_inputs.left_out if network.sumo_inputs is not None else ()
+    left_out = network.sumo_inputs.left_out
     told = [f"left out of {network.name}: {', '.join(left_out)}"] * bool(left_out)
     more = [f"and {len(network.unusual) - MOST_UNUSUAL} more"] * (len(network.unusual) > MOST_UNUSUAL)
     unusual = "; ".join([*network.unusual[:MOST_UNUSUAL], *more])

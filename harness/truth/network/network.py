@@ -34,7 +34,9 @@ from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import compile_kernels
 from mmpf.map.road import Road
 
-LATERAL_RESOLUTION_M = "0.92"
+PLANE_OPTIONS = (("lateral-resolution", "0.92"), ("time-to-teleport", "-1"), ("collision.action", "warn"))
+# Bodies that touch are collisions, and gaps that are merely too small are none.
+MAIN_ROAD_OPTIONS = (*PLANE_OPTIONS, ("insertion-checks", "none"), ("collision.mingap-factor", "0"))
 
 
 @dataclass(frozen=True)
@@ -58,17 +60,16 @@ class Network:
         ego_lanes: Lanes that an ego is chosen from; none in the plane, where any will do.
         plane: The lanes of a network whose road frame is the plane; none of one with a main road.
         default_demand: The demand that is driven where the user asks for none; none where that is a density.
-        sumo_inputs: What of that configuration is driven, or what a network in the plane brings; none of one with a
-            main road.
+        sumo_inputs: What SUMO is given.
         unusual: What in its files is possible but unusual, a clause each.
     """
 
     name: str
     description: str
-    net_file: Path
-    corridor: Corridor | None
+    sumo_inputs: SumoInputs
     section_m: tuple[float, float]
-    ego_lanes: tuple[int, ...]
+    corridor: Corridor | None = None
+    ego_lanes: tuple[int, ...] = ()
     plane: PlaneNetwork | None = None
     on_ramps: tuple[Ramp, ...] = ()
     off_ramps: tuple[Ramp, ...] = ()
@@ -80,7 +81,6 @@ class Network:
     calibration_file: Path | None = None
     measured_file: Path | None = None
     configuration: Path | None = None
-    sumo_inputs: SumoInputs | None = None
     unusual: tuple[str, ...] = ()
 
     @property
@@ -94,9 +94,14 @@ class Network:
         return tuple(self.demand_files)
 
     @property
+    def net_file(self) -> Path:
+        """The file of its roads."""
+        return self.sumo_inputs.net_file
+
+    @property
     def files(self) -> tuple[Path, ...]:
         """The XML files that SUMO reads."""
-        inputs = self.sumo_inputs or SumoInputs(self.net_file, (), (), (), ())
+        inputs = self.sumo_inputs
         types = () if self.vehicle_types_file is None else (self.vehicle_types_file,)
         return tuple(dict.fromkeys((self.net_file, *types, *inputs.additional_files, *inputs.route_files)))
 
@@ -113,8 +118,7 @@ class Network:
     @cached_property
     def road(self) -> Road:
         """The road with the section that is scored."""
-        inputs = self.sumo_inputs
-        return self.layout.road(self.section_m, () if inputs is None else inputs.additional_files)
+        return self.layout.road(self.section_m, self.sumo_inputs.additional_files)
 
     @cached_property
     def corridor_road(self) -> CorridorRoad:
@@ -138,12 +142,10 @@ class Network:
 
     def fingerprint(self) -> str:
         """Return eight letters that change with the road, the vehicle types and the drivers."""
-        digest = hashlib.sha256(self.net_file.read_bytes())
-        if self.vehicle_types_file is not None:
-            digest.update(self.vehicle_types_file.read_bytes())
-        if self.configuration is None and self.sumo_inputs is not None:
-            for file in self.sumo_inputs.additional_files:
-                digest.update(file.read_bytes())
+        digest = hashlib.sha256()
+        own = () if self.configuration is not None else (self.vehicle_types_file, *self.sumo_inputs.additional_files)
+        for file in filter(None, dict.fromkeys((self.net_file, *own))):
+            digest.update(file.read_bytes())
         digest.update(self.drivers.model_dump_json().encode())
         return digest.hexdigest()[:8]
 
@@ -270,9 +272,9 @@ def _from_metadata(folder: Path, name: str) -> Network:
     return Network(
         name=name,
         description=content.description,
-        net_file=net_file,
-        corridor=corridor,
+        sumo_inputs=SumoInputs(net_file, (), (types_file,), MAIN_ROAD_OPTIONS, ()),
         section_m=content.section_m,
+        corridor=corridor,
         ego_lanes=content.ego_lanes,
         on_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=True) for ramp in content.on_ramps),
         off_ramps=tuple(ramp_from_net(net, ramp, corridor, entering=False) for ramp in content.off_ramps),
@@ -293,19 +295,15 @@ def _in_plane(folder: Path, name: str, content: PlaneNetworkFile) -> Network:
         require_file(file, f"{folder / METADATA_FILE}: of what it names")
     net_file = folder / content.net_file
     plane = read_lane_graph(net_file)
-    options = (("lateral-resolution", LATERAL_RESOLUTION_M), ("time-to-teleport", "-1"), ("collision.action", "warn"))
     return Network(
         name=name,
         description=content.description,
-        net_file=net_file,
-        corridor=None,
+        sumo_inputs=SumoInputs(net_file, (routes,), additional, PLANE_OPTIONS, ()),
         section_m=plane.extent_m,
-        ego_lanes=(),
         plane=plane,
         vehicle_types_file=routes,
         demand_files={key: DemandFile(**entry.model_dump()) for key, entry in content.demands.items()},
         default_demand=content.default_demand,
-        sumo_inputs=SumoInputs(net_file, (routes,), additional, options, ()),
     )
 
 
@@ -316,13 +314,10 @@ def _from_sumocfg(path: Path, name: str) -> Network:
     return Network(
         name=name,
         description=f"the user's own network of {len(plane.graph)} lanes",
-        net_file=inputs.net_file,
-        corridor=None,
+        sumo_inputs=inputs,
         section_m=plane.extent_m,
-        ego_lanes=(),
         plane=plane,
         configuration=path,
-        sumo_inputs=inputs,
     )
 
 

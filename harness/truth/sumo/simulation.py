@@ -15,7 +15,7 @@ import numpy as np
 from harness.common.errors import InputError, SumoError
 from harness.truth.frame import STEP_S, Frame, TruthSource
 from harness.truth.network.demand import DEFAULT_DENSITY, Demand
-from harness.truth.network.network import LATERAL_RESOLUTION_M, Network
+from harness.truth.network.network import Network
 from harness.truth.network.sumocfg import SumoInputs
 from harness.truth.sumo.apart import TrafficApart
 from harness.truth.sumo.brokendown import place_broken_down
@@ -139,21 +139,12 @@ def _speed_limits(network: Network, flow_mps: float) -> dict[str, float]:
 def _arguments(network: Network, scratch: Path) -> tuple[str, ...]:
     """Return SUMO's arguments; what its files would write beside themselves lands beside links to them."""
     inputs = network.sumo_inputs
-    if inputs is not None:
-        return (
-            *_file_list("--net-file", [inputs.net_file], scratch),
-            *_file_list("--route-files", inputs.route_files, scratch),
-            *_file_list("--additional-files", inputs.additional_files, scratch),
-            *(word for name, value in inputs.options for word in (f"--{name}", value)),
-            *_gradual_lane_changes(inputs),
-        )
-    assert network.vehicle_types_file is not None
     return (
-        *_file_list("--net-file", [network.net_file], scratch),
-        *_file_list("--additional-files", [network.vehicle_types_file], scratch),
-        *("--lateral-resolution", LATERAL_RESOLUTION_M, "--insertion-checks", "none"),
-        # Bodies that touch are collisions, and gaps that are merely too small are none.
-        *("--time-to-teleport", "-1", "--collision.action", "warn", "--collision.mingap-factor", "0"),
+        *_file_list("--net-file", [inputs.net_file], scratch),
+        *_file_list("--route-files", inputs.route_files, scratch),
+        *_file_list("--additional-files", inputs.additional_files, scratch),
+        *(word for name, value in inputs.options for word in (f"--{name}", value)),
+        *_gradual_lane_changes(inputs),
     )
 
 
