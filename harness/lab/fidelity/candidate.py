@@ -15,7 +15,7 @@ from harness.lab.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
 from harness.lab.fidelity.samples import VehicleStatistics
 from harness.lab.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics, targets
 from harness.storage.schema import DENSITY_RANGE
-from harness.truth.network.demand import Drivers, Equilibrium
+from harness.truth.network.demand import Drivers
 from harness.truth.network.network import Network
 from harness.truth.network.networkfile import DemandFile
 
@@ -62,8 +62,7 @@ def first_candidate(
     """Return what the measurements say by themselves: densities of each five minutes, gaps that carry the flow."""
     drivers = network.drivers
     if not keep_drivers:
-        relation = Equilibrium(minimum_gap_m=drivers.minimum_gap_m)
-        headway_s = fmean(_headway_s(site.periods[name].statistics, relation) for name in names)
+        headway_s = fmean(_headway_s(site.periods[name].statistics, drivers) for name in names)
         drivers = drivers.model_copy(update={"headway_s": round(headway_s, 4)})
     demands = {}
     for name in names:
@@ -134,8 +133,7 @@ def improved(
         return Candidate(candidate.drivers, demands)
     waves = [np.log(site.periods[name].statistics.wave_mps / entry.wave_mps) for name, entry in simulated.items()]
     missing = float(np.nan_to_num(np.clip(fmean(waves), -0.3, 0.3)))
-    length_m = Equilibrium().vehicle_length_m
-    gap_m = candidate.drivers.minimum_gap_m + GAP_GAIN * step * missing * (length_m + candidate.drivers.minimum_gap_m)
+    gap_m = candidate.drivers.minimum_gap_m + GAP_GAIN * step * missing * candidate.drivers.standing_spacing_m
     mean = fmean(factor for demand in demands.values() for _, factor in demand.headway_profile[:QUARTERS])
     moved = {"headway_s": round(candidate.drivers.headway_s * mean, 4), "minimum_gap_m": _within(gap_m, GAP_RANGE_M, 3)}
     drivers = candidate.drivers.model_copy(update=moved)
@@ -192,8 +190,7 @@ def _mean(values: Sequence[object]) -> object:
 def _improved_demand(
     demand: DemandFile, simulated: PeriodStatistics, measured: PeriodStatistics, drivers: Drivers, step: float
 ) -> DemandFile:
-    relation = Equilibrium.of(drivers)
-    headways = (_quarter_headways_s(statistics, relation) for statistics in (measured, simulated))
+    headways = (_quarter_headways_s(statistics, drivers) for statistics in (measured, simulated))
     ratios = [wished / found for wished, found in zip(*headways, strict=True)]
     profile = tuple(
         (place, _within(factor * ratio**step, FACTOR_RANGE))
@@ -241,14 +238,14 @@ def _within(value: float, ends: tuple[float, float], digits: int = 4) -> float:
     return round(float(np.clip(value, *ends)), digits)
 
 
-def _headway_s(statistics: PeriodStatistics, relation: Equilibrium) -> float:
+def _headway_s(statistics: PeriodStatistics, drivers: Drivers) -> float:
     spacing_m = 1000.0 / statistics.density_veh_per_km_lane
-    return (spacing_m - relation.standing_spacing_m) / statistics.mean_speed_mps
+    return (spacing_m - drivers.standing_spacing_m) / statistics.mean_speed_mps
 
 
-def _quarter_headways_s(statistics: PeriodStatistics, relation: Equilibrium) -> list[float]:
+def _quarter_headways_s(statistics: PeriodStatistics, drivers: Drivers) -> list[float]:
     return [
-        max(0.1, 3600.0 * MAIN_LANES * speed / flow - relation.standing_spacing_m) / speed
+        max(0.1, 3600.0 * MAIN_LANES * speed / flow - drivers.standing_spacing_m) / speed
         for speed, flow in zip(statistics.quarter_speed_mps, statistics.quarter_flow_veh_per_h, strict=True)
     ]
 

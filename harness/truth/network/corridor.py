@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.common.untrusted_files import reading, require_file
-from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
+from harness.truth.network.demand import Demand, Drivers, demand_for_density
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane, Road
 from mmpf.numerics.arrays import FloatArray
@@ -82,9 +82,9 @@ class Corridor:
         """Return the length of a section."""
         return section_m[1] - section_m[0]
 
-    def demand(self, density_veh_per_km_lane: float, relation: Equilibrium) -> Demand:
-        """Return the demand for a density, given drivers and their relation of speed and density."""
-        return demand_for_density(density_veh_per_km_lane, self.main_lanes, relation)
+    def demand(self, density_veh_per_km_lane: float, drivers: Drivers) -> Demand:
+        """Return the demand for a density, given drivers."""
+        return demand_for_density(density_veh_per_km_lane, self.main_lanes, drivers)
 
     def road(self, section_m: tuple[float, float], additional_files: Iterable[Path] = ()) -> CorridorRoad:  # noqa: ARG002
         """Return the road frame with a scored section; buildings beside it do not count."""

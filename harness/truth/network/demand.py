@@ -18,6 +18,7 @@ from mmpf.options.base import WithoutTruthValues
 
 DEFAULT_DENSITY = 30.0
 ROUNDING = 4.0
+VEHICLE_LENGTH_M = 4.64
 
 
 class NetworkTable(WithoutTruthValues):
@@ -28,6 +29,8 @@ class NetworkTable(WithoutTruthValues):
 
 class Drivers(NetworkTable):
     """Means and spreads that each driver's own style is drawn from: the table ``[drivers]`` of ``network.toml``.
+
+    Speeds and flows are those of one lane in equilibrium, by the means over its vehicles.
 
     Attributes:
         headway_s: Mean time headway kept beyond the minimum gap.
@@ -46,6 +49,37 @@ class Drivers(NetworkTable):
     desired_speed_spread: float = Field(default=0.08, ge=0.0, le=0.2)
     acceleration_scale: float = Field(default=1.0, ge=0.5, le=2.5)
     assertiveness: float | None = Field(default=None, ge=0.2, le=8.0)
+
+    @property
+    def standing_spacing_m(self) -> float:
+        """Front-to-front distance at standstill."""
+        return VEHICLE_LENGTH_M + self.minimum_gap_m
+
+    @property
+    def critical_density_veh_per_km(self) -> float:
+        """Density at capacity: below it traffic is free, above it congested."""
+        return 1000.0 / (self.standing_spacing_m + self.free_speed_mps * self.headway_s)
+
+    @property
+    def wave_speed_mps(self) -> float:
+        """Speed at which congestion waves travel upstream."""
+        return self.standing_spacing_m / self.headway_s
+
+    def speed_mps(self, density_veh_per_km: float) -> float:
+        """Return the speed at a density, the corner at capacity rounded off since desired speeds differ."""
+        following = max(0.5, (1000.0 / density_veh_per_km - self.standing_spacing_m) / self.headway_s)
+        return float((self.free_speed_mps**-ROUNDING + following**-ROUNDING) ** (-1.0 / ROUNDING))
+
+    def flow_veh_per_s(self, density_veh_per_km: float) -> float:
+        """Return one lane's flow at a density."""
+        return density_veh_per_km / 1000.0 * self.speed_mps(density_veh_per_km)
+
+    def congested_speed_mps(self, flow_veh_per_s: float) -> float:
+        """Return the speed of congested traffic that carries a flow; the free speed at or above capacity."""
+        room = 1.0 - flow_veh_per_s * self.headway_s
+        if room <= 0.0:
+            return self.free_speed_mps
+        return min(self.free_speed_mps, flow_veh_per_s * self.standing_spacing_m / room)
 
 
 @dataclass(frozen=True)
@@ -79,55 +113,7 @@ class Demand:
         return replace(self, density_veh_per_km_lane=density, exit_wave_amplitude=share * self.exit_wave_amplitude)
 
 
-@dataclass(frozen=True)
-class Equilibrium:
-    """Speed and flow of one lane in equilibrium, by means over its vehicles; the headway is kept beyond the gap."""
-
-    vehicle_length_m: float = 4.64
-    minimum_gap_m: float = Drivers().minimum_gap_m
-    headway_s: float = Drivers().headway_s
-    free_speed_mps: float = Drivers().free_speed_mps
-
-    @classmethod
-    def of(cls, drivers: Drivers) -> Equilibrium:
-        """Return the relation of a network's drivers."""
-        return cls(
-            minimum_gap_m=drivers.minimum_gap_m, headway_s=drivers.headway_s, free_speed_mps=drivers.free_speed_mps
-        )
-
-    @property
-    def standing_spacing_m(self) -> float:
-        """Front-to-front distance at standstill."""
-        return self.vehicle_length_m + self.minimum_gap_m
-
-    @property
-    def critical_density_veh_per_km(self) -> float:
-        """Density at capacity: below it traffic is free, above it congested."""
-        return 1000.0 / (self.standing_spacing_m + self.free_speed_mps * self.headway_s)
-
-    @property
-    def wave_speed_mps(self) -> float:
-        """Speed at which congestion waves travel upstream."""
-        return self.standing_spacing_m / self.headway_s
-
-    def speed_mps(self, density_veh_per_km: float) -> float:
-        """Return the speed at a density, the corner at capacity rounded off since desired speeds differ."""
-        following = max(0.5, (1000.0 / density_veh_per_km - self.standing_spacing_m) / self.headway_s)
-        return float((self.free_speed_mps**-ROUNDING + following**-ROUNDING) ** (-1.0 / ROUNDING))
-
-    def flow_veh_per_s(self, density_veh_per_km: float) -> float:
-        """Return one lane's flow at a density."""
-        return density_veh_per_km / 1000.0 * self.speed_mps(density_veh_per_km)
-
-    def congested_speed_mps(self, flow_veh_per_s: float) -> float:
-        """Return the speed of congested traffic that carries a flow; the free speed at or above capacity."""
-        room = 1.0 - flow_veh_per_s * self.headway_s
-        if room <= 0.0:
-            return self.free_speed_mps
-        return min(self.free_speed_mps, flow_veh_per_s * self.standing_spacing_m / room)
-
-
-def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, relation: Equilibrium | None = None) -> Demand:
+def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, drivers: Drivers | None = None) -> Demand:
     """Return the demand that ``density`` asks for: ramp flows and waves that go with the density.
 
     Raises:
@@ -139,9 +125,9 @@ def demand_for_density(density_veh_per_km_lane: float, lanes: int = 5, relation:
             f"`density` {density_veh_per_km_lane:g} is out of range: give {lowest:g} to {highest:g} "
             "vehicles per km and lane"
         )
-    relation = relation or Equilibrium()
-    main_flow_veh_per_h = 3600.0 * lanes * relation.flow_veh_per_s(density_veh_per_km_lane)
-    congestion = (density_veh_per_km_lane - relation.critical_density_veh_per_km) / 25.0
+    drivers = drivers or Drivers()
+    main_flow_veh_per_h = 3600.0 * lanes * drivers.flow_veh_per_s(density_veh_per_km_lane)
+    congestion = (density_veh_per_km_lane - drivers.critical_density_veh_per_km) / 25.0
     amplitude = 0.65 * min(1.0, max(0.0, congestion))
     return Demand(
         density_veh_per_km_lane=density_veh_per_km_lane,

@@ -14,7 +14,7 @@ import shapely
 from harness.common.errors import InputError
 from harness.common.untrusted_files import reading
 from harness.truth.network.corridor import SumoEdge, SumoLane, SumoNet, read_net
-from harness.truth.network.demand import Demand, Equilibrium, demand_for_density
+from harness.truth.network.demand import Demand, Drivers, demand_for_density
 from harness.truth.network.linkcontrol import read_control
 from harness.truth.network.polyline import beside, followers, grid_origin, length_of
 from mmpf.map.graph_road import LaneGraphRoad
@@ -76,7 +76,7 @@ class PlaneNetwork:
         """Return the length of all lanes."""
         return self.lanes_m
 
-    def demand(self, density_veh_per_km_lane: float, relation: Equilibrium) -> Demand:  # noqa: ARG002
+    def demand(self, density_veh_per_km_lane: float, drivers: Drivers) -> Demand:  # noqa: ARG002
         """Return a density as a demand: there are neither ramps nor waves."""
         demand = demand_for_density(density_veh_per_km_lane)
         return Demand(demand.density_veh_per_km_lane, 0.0, 0.0, 0.0, 0.0, demand.wave_period_s)

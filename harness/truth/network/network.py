@@ -17,7 +17,7 @@ from harness.common.isolation import ProcessLimits, isolated
 from harness.common.untrusted_files import checked_path, require_file
 from harness.truth.network.consistency import lanes_under_walls
 from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ramp_from_net, read_net
-from harness.truth.network.demand import Demand, Drivers, Equilibrium
+from harness.truth.network.demand import Demand, Drivers
 from harness.truth.network.lanegraph import PlaneNetwork, read_lane_graph
 from harness.truth.network.limits import check_xml
 from harness.truth.network.networkfile import (
@@ -110,11 +110,6 @@ class Network:
         """Whether it comes with the project."""
         return self.net_file.resolve().is_relative_to(shipped_networks().resolve())
 
-    @property
-    def relation(self) -> Equilibrium:
-        """Speed and flow of its drivers at each density."""
-        return Equilibrium.of(self.drivers)
-
     @cached_property
     def road(self) -> Road:
         """The road with the section that is scored."""
@@ -173,7 +168,7 @@ class Network:
         Raises:
             InputError: The density is not a number or out of range.
         """
-        return self.layout.demand(density_veh_per_km_lane, self.relation)
+        return self.layout.demand(density_veh_per_km_lane, self.drivers)
 
 
 def available_networks() -> tuple[NetworkDescription, ...]:

@@ -53,7 +53,7 @@ class TrafficControl:
         self._network = network
         self._scheduled = demand
         self._warm_up_s = warm_up_s
-        self._relation = network.relation
+        self._drivers = network.drivers
         self._rng = rng
         self._step_s = step_s
         self._names = count()
@@ -100,7 +100,7 @@ class TrafficControl:
             self._let_in_by_ramp(index, time_s)
 
     def _steer(self, time_s: float, load: Load) -> None:
-        if self._demand.density_veh_per_km_lane > self._relation.critical_density_veh_per_km:
+        if self._demand.density_veh_per_km_lane > self._drivers.critical_density_veh_per_km:
             self._steer_exit(time_s, (load.inside - self._target) / self._network.main_road.main_lanes)
         else:
             self._steer_inflow(load)
@@ -111,11 +111,11 @@ class TrafficControl:
         approach_m = self._network.section_m[0] - corridor.edges[0].start_m
         target = FREE_SHARE * self._target + self._lane_density * corridor.main_lanes * approach_m / 1000.0
         surplus = (load.approaching + load.inside) / target - 1.0
-        slowness = load.mean_speed_mps / self._relation.speed_mps(self._lane_density)
+        slowness = load.mean_speed_mps / self._drivers.speed_mps(self._lane_density)
         self._inflow_scale = float(np.clip(slowness - INFLOW_GAIN * surplus, 0.4, 1.8))
 
     def _steer_exit(self, time_s: float, excess: float) -> None:
-        usual = self._relation.flow_veh_per_s(self._lane_density)
+        usual = self._drivers.flow_veh_per_s(self._lane_density)
         wave = math.sin(2.0 * math.pi * (time_s / self._demand.wave_period_s + self._phase))
         correction = excess / HOLD_WITHIN_S
         self._learned_flow += correction / LEARN_WITHIN_S * CONTROL_EVERY_S
@@ -126,7 +126,7 @@ class TrafficControl:
 
     def _limit_speed(self, edge: CorridorEdge, flow_veh_per_s: float) -> None:
         """Let at most a flow, per lane, through an edge by lowering its speed limit."""
-        speed_mps = self._relation.congested_speed_mps(flow_veh_per_s) * SPEED_MARGIN
+        speed_mps = self._drivers.congested_speed_mps(flow_veh_per_s) * SPEED_MARGIN
         self._sumo.edge.setMaxSpeed(edge.name, float(np.clip(speed_mps, SLOWEST_MPS, edge.speed_limit_mps)))
 
     def _let_in(self, lane: int) -> None:
@@ -134,7 +134,7 @@ class TrafficControl:
         edge = self._network.main_road.edges[0]
         lane_index = lane + edge.extra_lanes
         vehicle = self._waiting[lane]
-        wish_mps = min(edge.speed_limit_mps * vehicle.speed_factor, self._relation.speed_mps(self._lane_density) * 1.1)
+        wish_mps = min(edge.speed_limit_mps * vehicle.speed_factor, self._drivers.speed_mps(self._lane_density) * 1.1)
         rearmost = self._rearmost(f"{edge.name}_{lane_index}")
         position_m, speed_mps = 0.5, wish_mps
         if rearmost is not None:
@@ -152,7 +152,7 @@ class TrafficControl:
 
     def _draw_spacing(self, lane: int) -> float:
         """Return the front-to-front distance to the next vehicle: scattered about an even grid, so that counts hold."""
-        crowding = min(1.0, self._lane_density / self._relation.critical_density_veh_per_km)
+        crowding = min(1.0, self._lane_density / self._drivers.critical_density_veh_per_km)
         jitter = float(self._rng.uniform(-0.5, 0.5)) * (1.0 - 0.7 * crowding)
         spacings = 1.0 + jitter - self._jitter[lane]
         self._jitter[lane] = jitter

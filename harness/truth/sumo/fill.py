@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.truth.network.corridor import CorridorEdge, Ramp
-from harness.truth.network.demand import Demand, Equilibrium
+from harness.truth.network.demand import Demand, Drivers
 from harness.truth.network.network import Network
 from harness.truth.sumo.population import Vehicle, draw_vehicle
 from mmpf.numerics.arrays import FloatArray
@@ -58,14 +58,14 @@ def main_lane_density(network: Network, demand: Demand) -> float:
     )
     share = EXTRA_LANE_SHARE * extra_m / (network.main_road.main_lanes * (end_m - start_m))
     density = demand.density_veh_per_km_lane / (1.0 + share)
-    congested = demand.density_veh_per_km_lane > network.relation.critical_density_veh_per_km
+    congested = demand.density_veh_per_km_lane > network.drivers.critical_density_veh_per_km
     return density if congested else density * FREE_SHARE
 
 
 def leaving_share(network: Network, demand: Demand) -> float:
     """Return the share of the vehicles on the lanes beside an off-ramp that leave by it."""
     lanes = min(LANES_NEAR_RAMP, network.main_road.main_lanes)
-    flow = 3600.0 * lanes * network.relation.flow_veh_per_s(demand.density_veh_per_km_lane)
+    flow = 3600.0 * lanes * network.drivers.flow_veh_per_s(demand.density_veh_per_km_lane)
     return min(1.0, demand.off_ramp_veh_per_h / flow)
 
 
@@ -83,7 +83,7 @@ def route_of(
 
 def _density_profile(network: Network, demand: Demand, lon_m: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return one main lane's density along the road, per metre, its mean over the section as demanded."""
-    wavelength_m = network.relation.wave_speed_mps * demand.wave_period_s
+    wavelength_m = network.drivers.wave_speed_mps * demand.wave_period_s
     waves = 1.0 + demand.wave_amplitude * np.sin(2.0 * np.pi * (lon_m / wavelength_m + rng.uniform()))
     inside = (lon_m >= network.section_m[0]) & (lon_m < network.section_m[1])
     return np.asarray(waves / waves[inside].mean() * main_lane_density(network, demand) / 1000.0)
@@ -101,8 +101,8 @@ def _fill_main_lane(
     count_at = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(lon_m))])
     count = int(count_at[-1] - offset) + 1
     vehicles = [draw_vehicle(rng, network.drivers) for _ in range(count)]
-    fronts_m = np.interp(np.arange(count) + offset + _scatter(vehicles, demand, network.relation, rng), count_at, lon_m)
-    speeds = [network.relation.speed_mps(1000.0 * float(np.interp(x, lon_m, density))) for x in fronts_m]
+    fronts_m = np.interp(np.arange(count) + offset + _scatter(vehicles, demand, network.drivers, rng), count_at, lon_m)
+    speeds = [network.drivers.speed_mps(1000.0 * float(np.interp(x, lon_m, density))) for x in fronts_m]
     share = leaving_share(network, demand)
     limit_m = np.inf
     for vehicle, wished_m, speed in reversed(list(zip(vehicles, fronts_m, speeds, strict=True))):
@@ -117,10 +117,10 @@ def _fill_main_lane(
         yield Placement(vehicle, edge.name, lane + edge.extra_lanes, front_m - edge.start_m, speed_mps, route)
 
 
-def _scatter(vehicles: list[Vehicle], demand: Demand, relation: Equilibrium, rng: np.random.Generator) -> FloatArray:
+def _scatter(vehicles: list[Vehicle], demand: Demand, drivers: Drivers, rng: np.random.Generator) -> FloatArray:
     """Return how far each vehicle is off an even spacing, in spacings: at random if free, by its own gap if dense."""
-    crowding = min(1.0, demand.density_veh_per_km_lane / relation.critical_density_veh_per_km)
-    speed = relation.speed_mps(demand.density_veh_per_km_lane)
+    crowding = min(1.0, demand.density_veh_per_km_lane / drivers.critical_density_veh_per_km)
+    speed = drivers.speed_mps(demand.density_veh_per_km_lane)
     needs = np.array([v.length_m + v.minimum_gap_m + v.headway_s * speed for v in vehicles])
     walk = np.cumsum(needs / needs.mean() - 1.0)
     jitter = rng.uniform(-0.35, 0.35, len(vehicles))
@@ -140,7 +140,7 @@ def _fill_extra_lane(
 ) -> Iterator[Placement]:
     edge = network.main_road.edges[index]
     spacing_m = 1000.0 / (EXTRA_LANE_SHARE * demand.density_veh_per_km_lane)
-    speed = network.relation.speed_mps(demand.density_veh_per_km_lane)
+    speed = network.drivers.speed_mps(demand.density_veh_per_km_lane)
     names = tuple(entry.name for entry in network.main_road.edges)
     exits = [ramp for ramp in network.off_ramps if ramp.index == index]
     ramp_flow = demand.on_ramp_veh_per_h + demand.off_ramp_veh_per_h
@@ -156,7 +156,7 @@ def _fill_extra_lane(
 def _fill_on_ramp(network: Network, demand: Demand, ramp: Ramp, rng: np.random.Generator) -> Iterator[Placement]:
     if demand.on_ramp_veh_per_h <= 0.0:
         return
-    speed = min(0.8 * ramp.speed_limit_mps, network.relation.speed_mps(demand.density_veh_per_km_lane) + 3.0)
+    speed = min(0.8 * ramp.speed_limit_mps, network.drivers.speed_mps(demand.density_veh_per_km_lane) + 3.0)
     spacing_m = speed * 3600.0 / demand.on_ramp_veh_per_h
     route = (ramp.name, *(edge.name for edge in network.main_road.edges[ramp.index :]))
     position_m = float(rng.uniform(0.0, spacing_m)) + 10.0

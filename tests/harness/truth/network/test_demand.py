@@ -7,23 +7,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from harness.common.errors import InputError
-from harness.truth.network.demand import Equilibrium, demand_for_density
+from harness.truth.network.demand import VEHICLE_LENGTH_M, Drivers, demand_for_density
 
 densities = st.floats(5.0, 65.0)
 
 
 @given(densities, densities)
 def test_denser_traffic_is_never_faster(first, second):
-    relation = Equilibrium()
-    slow, fast = relation.speed_mps(max(first, second)), relation.speed_mps(min(first, second))
-    assert slow <= fast <= relation.free_speed_mps
+    drivers = Drivers()
+    slow, fast = drivers.speed_mps(max(first, second)), drivers.speed_mps(min(first, second))
+    assert slow <= fast <= drivers.free_speed_mps
 
 
 @given(st.floats(1.0, 25.0))
 def test_congested_speed_is_the_one_at_which_the_gaps_leave_room_for_the_flow(speed):
-    relation = Equilibrium()
-    spacing = relation.vehicle_length_m + relation.minimum_gap_m + relation.headway_s * speed
-    assert relation.congested_speed_mps(speed / spacing) == pytest.approx(speed)
+    drivers = Drivers()
+    spacing = VEHICLE_LENGTH_M + drivers.minimum_gap_m + drivers.headway_s * speed
+    assert drivers.congested_speed_mps(speed / spacing) == pytest.approx(speed)
 
 
 @pytest.mark.parametrize("density", [0.0, -1.0, 4.99, 65.01, 500.0, math.nan, math.inf])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from harness.truth.network.demand import Demand, Drivers, Equilibrium
+from harness.truth.network.demand import Demand, Drivers
 from harness.truth.network.network import load_network
 from harness.truth.sumo.control import LocalHeadways, divert_late_vehicles
 from harness.truth.sumo.population import draw_vehicle
@@ -43,9 +43,8 @@ def test_drivers_are_as_assertive_as_the_network_says_and_as_their_type_if_it_sa
 
 def test_the_relation_of_speed_and_density_is_the_drivers():
     drivers = Drivers(headway_s=1.6, minimum_gap_m=3.4)
-    relation = Equilibrium.of(drivers)
-    assert relation.wave_speed_mps == pytest.approx((4.64 + 3.4) / 1.6)
-    assert relation.speed_mps(60.0) < Equilibrium.of(Drivers()).speed_mps(60.0)
+    assert drivers.wave_speed_mps == pytest.approx((4.64 + 3.4) / 1.6)
+    assert drivers.speed_mps(60.0) < Drivers().speed_mps(60.0)
 
 
 @pytest.mark.parametrize("wrong", [{"headway_s": 0.1}, {"minimum_gap_m": "far"}, {"mood": 1.0}, {"assertiveness": 0.0}])
