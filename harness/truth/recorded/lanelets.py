@@ -64,24 +64,6 @@ class Lanelet:
         return at_shares(self.left_xy, shares), at_shares(self.right_xy, shares)
 
 
-@dataclass(frozen=True)
-class _LaneStrip:
-    """A lanelet in the road frame."""
-
-    right_m: float
-    left_m: float
-    start_m: float
-    end_m: float
-
-    @property
-    def centre_m(self) -> float:
-        return 0.5 * (self.right_m + self.left_m)
-
-    @property
-    def length_m(self) -> float:
-        return self.end_m - self.start_m
-
-
 def road_from_lanelets(lanelets: Sequence[Lanelet], x: FloatArray, y: FloatArray) -> CorridorRoad:
     """Lay the road frame along the lanelets that traffic drives on.
 
@@ -159,7 +141,8 @@ def _smoothed(line: FloatArray) -> FloatArray:
     return np.column_stack([np.convolve(padded[:, axis], weights, mode="valid") for axis in (0, 1)])
 
 
-def _strip(lanelet: Lanelet, frame: Road) -> _LaneStrip | None:
+def _strip(lanelet: Lanelet, frame: Road) -> Lane | None:
+    """Return a lanelet in the road frame, not numbered yet; None of one that leads back, or is a ramp."""
     left, right = lanelet.sampled()
     left_lon, left_lat = frame.to_road(left[:, 0], left[:, 1])
     right_lon, right_lat = frame.to_road(right[:, 0], right[:, 1])
@@ -172,10 +155,10 @@ def _strip(lanelet: Lanelet, frame: Road) -> _LaneStrip | None:
         lon, left_lat, right_lat = lon[beside], left_lat[beside], right_lat[beside]
         if np.ptp(lon) < SHORTEST_LANE_M:
             return None
-    return _LaneStrip(float(np.median(right_lat)), float(np.median(left_lat)), float(lon.min()), float(lon.max()))
+    return Lane(0, float(np.median(right_lat)), float(np.median(left_lat)), float(lon.min()), float(lon.max()))
 
 
-def _lanes(strips: Sequence[_LaneStrip]) -> tuple[Lane, ...]:
+def _lanes(strips: Sequence[Lane]) -> tuple[Lane, ...]:
     files = _with_shared_lines(_files_of_strips(strips))
     first_m, last_m = min(strip.start_m for strip in strips), max(strip.end_m for strip in strips)
     lanes = []
@@ -187,25 +170,24 @@ def _lanes(strips: Sequence[_LaneStrip]) -> tuple[Lane, ...]:
     return tuple(lanes)
 
 
-def _files_of_strips(strips: Sequence[_LaneStrip]) -> list[_LaneFile]:
+def _files_of_strips(strips: Sequence[Lane]) -> list[_LaneFile]:
     """Group strips that lie behind one another, from left to right."""
-    groups: list[list[_LaneStrip]] = []
+    groups: list[list[Lane]] = []
     for strip in sorted(strips, key=lambda strip: -strip.centre_m):
         if groups and abs(np.mean([other.centre_m for other in groups[-1]]) - strip.centre_m) < SAME_LANE_WITHIN_M:
             groups[-1].append(strip)
         else:
             groups.append([strip])
-    return [
-        (
-            float(np.average([s.right_m for s in group], weights=[s.length_m for s in group])),
-            float(np.average([s.left_m for s in group], weights=[s.length_m for s in group])),
-            _joined(group),
-        )
-        for group in groups
-    ]
+    files: list[_LaneFile] = []
+    for group in groups:
+        length_m = [strip.end_m - strip.start_m for strip in group]
+        right_m = float(np.average([strip.right_m for strip in group], weights=length_m))
+        left_m = float(np.average([strip.left_m for strip in group], weights=length_m))
+        files.append((right_m, left_m, _joined(group)))
+    return files
 
 
-def _joined(group: Sequence[_LaneStrip]) -> list[tuple[float, float]]:
+def _joined(group: Sequence[Lane]) -> list[tuple[float, float]]:
     pieces: list[tuple[float, float]] = []
     for strip in sorted(group, key=lambda strip: strip.start_m):
         if pieces and strip.start_m <= pieces[-1][1] + CUT_WITHIN_M:
