@@ -25,7 +25,7 @@ from harness.truth.recorded.detected.recorded_drive import (
     RecordedBoxes,
     sorted_by_step,
 )
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, StringArray
+from mmpf.numerics.arrays import FloatArray, StringArray
 from mmpf.scan import BUS, CAR, MOTORCYCLE, TRAILER, TRUCK, UNKNOWN_CLASS
 
 LABELS, DETECTIONS, POSES = "label_02", "detection", "poses"
@@ -58,24 +58,18 @@ class CameraWay:
     shift: FloatArray
 
 
-def label_files(path: Path) -> tuple[Path, list[Path]]:
-    """Return the root of a recording and its label files: of each sequence of a folder, or the one that is given.
+def sequences(path: Path) -> tuple[SequenceFiles, ...]:
+    """Return the files of each sequence of a folder, or of the one whose label file is given.
 
     Raises:
         InputError: There are none.
     """
-    if not path.is_dir():
-        return path.parent.parent, [path]
-    root = path.parent if path.name == LABELS else path
-    labels = sorted((root / LABELS).glob("*.txt"))
+    root, labels = path.parent.parent, [path]
+    if path.is_dir():
+        root = path.parent if path.name == LABELS else path
+        labels = sorted((root / LABELS).glob("*.txt"))
     if not labels:
         raise InputError(f"`replay`: {path} has no {LABELS}/NNNN.txt; docs/how-to/recording.md shows the folder")
-    return root, labels
-
-
-def sequences(path: Path) -> tuple[SequenceFiles, ...]:
-    """Return the files of each sequence; see ``label_files``."""
-    root, labels = label_files(path)
     return tuple(SequenceFiles(file, root / DETECTIONS / file.name, root / POSES / file.name) for file in labels)
 
 
@@ -96,7 +90,7 @@ def read_kitti(path: Path) -> tuple[Drive, ...]:
 def read_sequence(files: SequenceFiles) -> Drive:
     """Read one sequence; see ``read_kitti``."""
     way = read_poses(files.poses)
-    names, labels = _labels(files, way)
+    names, labels = _labels(files.labels, way)
     found = read_detections(files.detections)
     kept = of_vehicles(found)
     boxes = boxes_in_plane(files.detections, kept[:, 0], kept[:, BOX], way)
@@ -131,54 +125,28 @@ def of_vehicles(found: FloatArray) -> FloatArray:
     return np.asarray(kept[np.argsort(kept[:, 0], kind="stable")])
 
 
-def _labels(files: SequenceFiles, way: CameraWay) -> tuple[StringArray, Labels]:
-    rows = read_labels(files.labels)
-    boxes = boxes_in_plane(files.labels, rows.frame, rows.box, way)
-    classes = np.array([VEHICLES.get(kind, UNKNOWN_CLASS) for kind in rows.kind.tolist()], dtype=np.int64)
-    known = {"thing": rows.thing, "counts": classes != UNKNOWN_CLASS, "covered": rows.covered}
-    labels = sorted_by_step(Labels(**boxes.columns, **known, vehicle_class=classes))
-    moves = labels.step / 10.0, labels.x_m, labels.y_m, labels.heading_rad
-    check_moves(files.labels, rows.names[labels.thing], *moves)
-    return rows.names, labels
-
-
-@dataclass(frozen=True)
-class LabelRows:
-    """Rows of a label file, apart from those of no thing; arrays of shape (n,).
-
-    Attributes:
-        covered: Whether each is partly covered or cut off by the picture.
-        box: Height, width, length, x, y, z of the bottom's middle and turn about y, shape (n, 7).
-    """
-
-    frame: FloatArray
-    kind: StringArray
-    thing: IntArray
-    names: StringArray
-    covered: BoolArray
-    box: FloatArray
-
-
-def read_labels(path: Path) -> LabelRows:
-    """Read a label file.
-
-    Raises:
-        InputError: It is missing or broken, labels nothing, or has a thing without a number or twice in one frame.
-    """
+def _labels(path: Path, way: CameraWay) -> tuple[StringArray, Labels]:
+    """Return the names and the labels of a label file; an ``InputError`` where it labels nothing."""
     words = [row for row in words_of(path, None, LABEL_WORDS, "labels") if row[2] != NO_THING]
     if not words:
         raise InputError(f"{path} labels nothing")
     values = numbers_of(path, [[*row[:2], *row[3:LABEL_WORDS]] for row in words], 0, LABEL_WORDS - 1)
     check_numbers(path, {"the number of a thing": values[:, 1]}, THING)
-    names, thing = np.unique(values[:, 1].astype(np.int64), return_inverse=True)
-    return LabelRows(
-        frame=values[:, 0],
-        kind=np.array([row[2] for row in words], dtype=np.str_),
+    numbers, thing = np.unique(values[:, 1].astype(np.int64), return_inverse=True)
+    names = numbers.astype(np.str_)
+    boxes = boxes_in_plane(path, values[:, 0], values[:, 9:16], way)
+    classes = np.array([VEHICLES.get(row[2], UNKNOWN_CLASS) for row in words], dtype=np.int64)
+    labels = Labels(
+        **boxes.columns,
         thing=thing.astype(np.int64),
-        names=names.astype(np.str_),
+        counts=classes != UNKNOWN_CLASS,
+        # Partly covered, or cut off by the picture.
         covered=(values[:, 2] > 0.0) | (values[:, 3] > 0.0),
-        box=values[:, 9:16],
+        vehicle_class=classes,
     )
+    labels = sorted_by_step(labels)
+    check_moves(path, names[labels.thing], labels.step / 10.0, labels.x_m, labels.y_m, labels.heading_rad)
+    return names, labels
 
 
 def read_poses(path: Path) -> CameraWay:
