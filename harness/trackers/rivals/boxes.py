@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
-from mmpf.numerics.arrays import BoolArray, FloatArray, turned
+from mmpf.numerics.arrays import FloatArray, turned
 
 # The corners of a box, in shares of its half-length and half-width, counter-clockwise.
 _CORNERS = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-_TOUCHING_M = 1e-9
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ def generalised_overlap(first: FlatBoxes, second: FlatBoxes) -> FloatArray:
     """
     corners = _corners_seen_from(first, second)
     half = np.stack([0.5 * first.length_m, 0.5 * first.width_m], axis=-1)
-    common = _common_area(corners, half)
+    own = shapely.box(-half[:, 0], -half[:, 1], half[:, 0], half[:, 1])
+    common = shapely.area(shapely.intersection(own, shapely.polygons(corners)))
     union = first.length_m * first.width_m + second.length_m * second.width_m - common
     highest = np.maximum(corners.max(axis=1), half)
     lowest = np.minimum(corners.min(axis=1), -half)
@@ -53,46 +54,3 @@ def _corners_seen_from(first: FlatBoxes, second: FlatBoxes) -> FloatArray:
     x = along[:, None] + reach[:, :, 0] * cosine - reach[:, :, 1] * sine
     y = across[:, None] + reach[:, :, 0] * sine + reach[:, :, 1] * cosine
     return np.stack([x, y], axis=-1)
-
-
-def _common_area(corners: FloatArray, half: FloatArray) -> FloatArray:
-    """Return the area that boxes with corners (p, 4, 2) share with rectangles around the origin, half sizes (p, 2)."""
-    own = _CORNERS * half[:, None, :]
-    edges = np.roll(corners, -1, axis=1) - corners
-    inside = (np.abs(corners) <= half[:, None, :] + _TOUCHING_M).all(axis=-1)
-    to_own = own[:, None, :, :] - corners[:, :, None, :]
-    is_left = _cross(edges[:, :, None, :], to_own) >= -_TOUCHING_M
-    own_inside = is_left.all(axis=1)
-    crossings, do_cross = _crossings(corners, edges, own)
-    points = np.concatenate([corners, own, crossings], axis=1)
-    counts = np.concatenate([inside, own_inside, do_cross], axis=1)
-    number = counts.sum(axis=1)
-    middle = np.where(counts[..., None], points, 0.0).sum(axis=1) / np.maximum(number, 1)[:, None]
-    # Points that don't count take the middle's place; between two neighbours in order they would spoil the outline.
-    offset = np.where(counts[..., None], points - middle[:, None, :], 0.0)
-    direction = np.where(counts, np.arctan2(offset[..., 1], offset[..., 0]), np.inf)
-    order = np.argsort(direction, axis=1, kind="stable")
-    outline = np.take_along_axis(offset, order[..., None], axis=1)
-    position = np.arange(points.shape[1])
-    following = np.where(position + 1 < number[:, None], position + 1, 0)
-    after = np.take_along_axis(outline, following[..., None], axis=1)
-    area = 0.5 * np.where(position < number[:, None], _cross(outline, after), 0.0).sum(axis=1)
-    return np.where(number >= 3, np.maximum(area, 0.0), 0.0)
-
-
-def _crossings(corners: FloatArray, edges: FloatArray, own: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return where each edge of a box crosses each edge of a rectangle, shape (p, 16, 2), and whether it does."""
-    own_edges = np.roll(own, -1, axis=1) - own
-    edge, own_edge = edges[:, :, None, :], own_edges[:, None, :, :]
-    between = own[:, None, :, :] - corners[:, :, None, :]
-    slant = _cross(edge, own_edge)
-    parallel = np.abs(slant) < _TOUCHING_M
-    safe = np.where(parallel, 1.0, slant)
-    on_edge, on_own = _cross(between, own_edge) / safe, _cross(between, edge) / safe
-    crosses = ~parallel & (on_edge >= 0.0) & (on_edge <= 1.0) & (on_own >= 0.0) & (on_own <= 1.0)
-    points = corners[:, :, None, :] + on_edge[..., None] * edge
-    return points.reshape(len(corners), 16, 2), crosses.reshape(len(corners), 16)
-
-
-def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
