@@ -18,7 +18,7 @@ from harness.truth.sumo.brokendown import BROKEN_DOWN
 from harness.truth.sumo.control import TrafficControl
 from harness.truth.sumo.reading import read_frame, read_load
 from harness.truth.sumo.session import FIRST_VEHICLE_WITHIN_S, RunningSumo
-from harness.truth.sumo.smoothing import hann_weights, lead_frames, rounded
+from harness.truth.sumo.smoothing import LEAD_FRAMES, hann_weights, rounded
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE
 
@@ -30,7 +30,7 @@ SMOOTHED = ("lon_m", "lat_m", "heading_rad", "speed_mps", "lat_speed_mps", "acce
 class CorridorTraffic:
     """Traffic of a network with a main road; see ``harness.truth.sumo.simulation.RoadTraffic``."""
 
-    lead = lead_frames(STEP_S)
+    lead = LEAD_FRAMES
     waits_s = 0.0
     jumpy: tuple[str, ...] = ("heading_rad", "lat_speed_mps", "accel_mps2")
 
@@ -56,11 +56,11 @@ class CorridorTraffic:
 
     def read(self) -> Frame:
         """Return the vehicles as they are now."""
-        return self.present(0, 0.0)
+        return self.present(0)
 
-    def present(self, step: int, time_s: float) -> Frame:
-        """Return the vehicles as they are now, as a frame of a time."""
-        return read_frame(self._running.sumo, self._road, step, time_s)
+    def present(self, step: int) -> Frame:
+        """Return the vehicles as they are now, as a frame."""
+        return read_frame(self._running.sumo, self._road, step)
 
     def frame(self, window: Sequence[Frame], step: int, ego: str | None) -> Frame | None:
         """Return the smoothed frame, seen from the ego or the one that follows it."""

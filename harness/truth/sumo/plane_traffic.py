@@ -19,7 +19,7 @@ from harness.truth.sumo.inflow import Inflow
 from harness.truth.sumo.plane_reading import PlaneReader, PlaneReading
 from harness.truth.sumo.reading import NO_EGO_INDEX, classes_of
 from harness.truth.sumo.session import FIRST_VEHICLE_WITHIN_S, RunningSumo
-from harness.truth.sumo.smoothing import hann_weights, lead_frames, rounded
+from harness.truth.sumo.smoothing import LEAD_FRAMES, hann_weights, rounded
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.numerics.arrays import FloatArray, IntArray
 
@@ -44,7 +44,7 @@ class PlaneTraffic:
     """Traffic of a network in the plane; see ``harness.truth.sumo.simulation.RoadTraffic``."""
 
     # One more than is averaged, for the speeds.
-    lead = lead_frames(STEP_S) + 1
+    lead = LEAD_FRAMES + 1
     waits_s = FIRST_VEHICLE_WITHIN_S
     # Headings go round, and those of a rolling axle are smooth already.
     jumpy: tuple[str, ...] = ("accel_mps2",)
@@ -88,8 +88,8 @@ class PlaneTraffic:
         """Return the vehicles as they are now."""
         return self._reader.read()
 
-    def present(self, step: int, time_s: float) -> Frame:
-        """Return the vehicles as they are now, as a frame of a time."""
+    def present(self, step: int) -> Frame:
+        """Return the vehicles as they are now, as a frame."""
         now = self._reader.read()
         ask = self._running.sumo.vehicle
         on_foot = [body.is_pedestrian for body in now.body]
@@ -98,8 +98,7 @@ class PlaneTraffic:
             for get in (ask.getSpeed, ask.getAcceleration)
         )
         rows, heading = np.arange(len(now.body)), now.heading_rad
-        frame = self._frame_of(now, rows, now.centres(), heading, (speed, np.zeros(len(rows)), accel))
-        return replace(frame, step=step, time_s=time_s)
+        return self._frame_of(step, now, rows, now.centres(), heading, (speed, np.zeros(len(rows)), accel))
 
     def frame(self, window: Sequence[PlaneReading], step: int, ego: str | None) -> Frame | None:
         """Return the smoothed frame, seen from the ego or the one that follows it; all vehicles if none is wanted."""
@@ -139,10 +138,11 @@ class PlaneTraffic:
         lat_speed = rounded(ahead[:, 0] * velocity[:, 1] - ahead[:, 1] * velocity[:, 0])
         moving = speed, lat_speed, rounded((change * ahead).sum(axis=1))
         rows = np.array([middle.row[name] for name in names], dtype=np.int64)
-        return replace(self._frame_of(middle, rows, now, heading, moving), step=step, time_s=round(step * STEP_S, 6))
+        return self._frame_of(step, middle, rows, now, heading, moving)
 
     def _frame_of(
         self,
+        step: int,
         snapshot: PlaneReading,
         rows: IntArray,
         place: FloatArray,
@@ -154,8 +154,8 @@ class PlaneTraffic:
         # The demands of networks in the box have nobody on foot.
         knows_persons = self._inflow is None
         return Frame(
-            step=0,
-            time_s=0.0,
+            step=step,
+            time_s=round(step * STEP_S, 6),
             episode=0,
             ego=NO_EGO_INDEX,
             vehicle_id=np.array([names[row] for row in rows], dtype=np.str_),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.truth.frame import EVERYWHERE, Frame
+from harness.truth.frame import EVERYWHERE, STEP_S, Frame
 from harness.truth.sumo.session import Sumo
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import NO_LANE, Road
@@ -22,7 +22,7 @@ CLASSES |= dict.fromkeys(("private", "taxi", "evehicle", "hov", "emergency", "au
 CLASSES |= dict.fromkeys(("motorcycle", "moped", "scooter"), MOTORCYCLE)
 
 
-def read_frame(sumo: Sumo, road: CorridorRoad, step: int, time_s: float) -> Frame:
+def read_frame(sumo: Sumo, road: CorridorRoad, step: int) -> Frame:
     """Return the vehicles within 150 m of the section, not smoothed; the frame has no ego yet.
 
     SUMO's lateral position is taken as the centre's, so that lateral speed is its derivative; on a ramp, which lies at
@@ -52,7 +52,7 @@ def read_frame(sumo: Sumo, road: CorridorRoad, step: int, time_s: float) -> Fram
     lat = front_lat - 0.5 * length * np.where(along_road, 0.0, np.sin(heading))
     return Frame(
         step=step,
-        time_s=time_s,
+        time_s=round(step * STEP_S, 6),
         episode=0,
         ego=NO_EGO_INDEX,
         vehicle_id=np.array(names, dtype=np.str_),

@@ -190,8 +190,8 @@ class RoadTraffic(Protocol):
     def read(self) -> object:
         """Return the vehicles as they are now."""
 
-    def present(self, step: int, time_s: float) -> Frame:
-        """Return the vehicles as they are now, as a frame of a time, with neither an ego nor a past."""
+    def present(self, step: int) -> Frame:
+        """Return the vehicles as they are now, as a frame with neither an ego nor a past."""
 
     def frame(self, window: Sequence[Any], step: int, ego: str | None) -> Frame | None:
         """Return the frame in the middle of readings, smoothed.
@@ -213,7 +213,7 @@ class SumoTruth:
         """Take over a simulation that has started."""
         self.road, self.step_s, self.expected_steps, self.running = road, STEP_S, steps, running
         self._traffic, self._wants_ego = traffic, ego
-        self._filter = CausalFilter(STEP_S, traffic.jumpy)
+        self._filter = CausalFilter(traffic.jumpy)
 
     def warm_up(self, duration_s: float) -> None:
         """Let the traffic run without yielding frames, and on until there can be an ego."""
@@ -225,7 +225,7 @@ class SumoTruth:
     def present(self, step: int) -> Frame:
         """Return everybody at this moment, for a loop that acts on it and calls this once a step; there is no ego."""
         with sumo_errors_in_words(self.running.sumo):
-            return self._filter.filtered(self._traffic.present(step, round(step * self.step_s, 6)))
+            return self._filter.filtered(self._traffic.present(step))
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order, half a second late and smoothed.

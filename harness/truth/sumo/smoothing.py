@@ -11,18 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from harness.truth.frame import Frame
+from harness.truth.frame import STEP_S, Frame
 from mmpf.numerics.arrays import FloatArray
 
-HALF_WIDTH_S = 0.5
+LEAD_FRAMES = round(0.5 / STEP_S)
+"""So many frames before the first and after the last smoothed one are needed."""
 TIME_CONSTANT_S = 0.3
 DECIMALS = 4
 EXACT = ("lon_m", "lat_m", "speed_mps", "length_m", "width_m")
-
-
-def lead_frames(step_s: float) -> int:
-    """Return how many frames before the first and after the last smoothed one are needed."""
-    return round(HALF_WIDTH_S / step_s)
 
 
 def hann_weights(reach: int) -> FloatArray:
@@ -43,9 +39,9 @@ class CausalFilter:
     It is for a loop that acts on frames: ``hann_weights`` would give them half a second late.
     """
 
-    def __init__(self, step_s: float, columns: Sequence[str]) -> None:
-        """Begin without a past, for frames of a step, of which these columns are filtered."""
-        self._keep = float(np.exp(-step_s / TIME_CONSTANT_S))
+    def __init__(self, columns: Sequence[str]) -> None:
+        """Begin without a past, for frames of which these columns are filtered."""
+        self._keep = float(np.exp(-STEP_S / TIME_CONSTANT_S))
         self._columns = tuple(columns)
         self._before: dict[str, int] = {}
         self._values = np.zeros((len(self._columns), 0))

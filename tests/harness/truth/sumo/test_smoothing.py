@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.truth.sumo.corridor_traffic import smoothed
-from harness.truth.sumo.smoothing import TIME_CONSTANT_S, CausalFilter, hann_weights, lead_frames
+from harness.truth.sumo.smoothing import LEAD_FRAMES, TIME_CONSTANT_S, CausalFilter, hann_weights
 from mmpf.map.corridor_road import highway
 from tests.harness.closedloop.frames import frame_of
 
@@ -30,13 +30,13 @@ def driven(accelerations, speed=10.0, ids=("a",), present=None):
 
 def smooth(raw):
     """Return the frames in the middle of windows, as a simulation yields them."""
-    raw, width = list(raw), 2 * lead_frames(STEP_S) + 1
+    raw, width = list(raw), 2 * LEAD_FRAMES + 1
     return [smoothed(raw[k : k + width], highway(5), k) for k in range(len(raw) - width + 1)]
 
 
 def test_steady_motion_passes_unchanged():
     raw = list(driven(np.zeros(20)))
-    reach = lead_frames(STEP_S)
+    reach = LEAD_FRAMES
     for k, frame in enumerate(smooth(raw)):
         assert frame.lon_m[0] == pytest.approx(raw[k + reach].lon_m[0], abs=1e-4)
         assert frame.speed_mps[0] == pytest.approx(10.0)
@@ -85,7 +85,7 @@ def frames(values, names=None):
 
 def test_it_is_the_plain_recursion_of_a_filter_of_first_order():
     values = np.random.default_rng(3).normal(size=40)
-    causal = CausalFilter(STEP_S, FILTERED)
+    causal = CausalFilter(FILTERED)
     found = [float(causal.filtered(frame).accel_mps2[0]) for frame in frames(values)]
     keep, state, expected = np.exp(-STEP_S / TIME_CONSTANT_S), values[0], []
     for value in values:
@@ -96,7 +96,7 @@ def test_it_is_the_plain_recursion_of_a_filter_of_first_order():
 
 def test_what_comes_later_changes_nothing_and_positions_do_not_lag():
     values = np.random.default_rng(4).normal(size=20)
-    whole, part = CausalFilter(STEP_S, FILTERED), CausalFilter(STEP_S, FILTERED)
+    whole, part = CausalFilter(FILTERED), CausalFilter(FILTERED)
     long = [whole.filtered(frame) for frame in frames(values)]
     short = [part.filtered(frame) for frame in frames(values[:8])]
     assert all((a.accel_mps2 == b.accel_mps2).all() for a, b in zip(long, short, strict=False))
@@ -104,6 +104,6 @@ def test_what_comes_later_changes_nothing_and_positions_do_not_lag():
 
 
 def test_a_vehicle_that_comes_anew_begins_with_what_it_has():
-    causal = CausalFilter(STEP_S, FILTERED)
+    causal = CausalFilter(FILTERED)
     causal.filtered(frames([1.0])[0])
     assert causal.filtered(frames([5.0], names=["other"])[0]).accel_mps2[0] == 5.0
