@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -188,12 +189,9 @@ TUNED_FILE = Path(__file__).with_name("tuned.toml")
 
 def tuned_options(tracker: str) -> dict[str, object]:
     """Return a tracker's tuned options; empty for one that was never tuned."""
-    return dict(_tuned_tables().get(tracker, {}))
+    return dict(_tuned_tables().get(tracker, {}).get("options", {}))
 
 
 @cache
-def _tuned_tables() -> dict[str, dict[str, object]]:
-    if not TUNED_FILE.exists():
-        return {}
-    tables = tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))
-    return {name: table.get("options", {}) for name, table in tables.items()}
+def _tuned_tables() -> dict[str, Any]:
+    return tomllib.loads(TUNED_FILE.read_text(encoding="utf-8"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -252,11 +253,10 @@ class DriveTruth:
         }
 
     def _left_out(self) -> Mapping[str, int]:
-        total: dict[str, int] = {}
+        total = Counter[str]()
         for drive in self.drives:
-            for reason, count in drive.drive.left_out.items():
-                total[reason] = total.get(reason, 0) + count
-        return total
+            total.update(drive.drive.left_out)
+        return dict(total)
 
 
 def open_drives(
