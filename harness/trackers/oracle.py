@@ -127,13 +127,6 @@ def build_oracle_kalman(setting: TrackerSetting, options: Mapping[str, object]) 
 
 def _rounds_without_repetition(truth_id: StringArray) -> list[IntArray]:
     """Split the detections into rounds in which no vehicle occurs twice, clutter left out."""
-    rounds: list[list[int]] = []
-    occurrences: dict[str, int] = {}
-    for detection, name in enumerate(truth_id.tolist()):
-        if name:
-            nth = occurrences.get(name, 0)
-            occurrences[name] = nth + 1
-            if nth == len(rounds):
-                rounds.append([])
-            rounds[nth].append(detection)
-    return [np.array(members, dtype=np.int64) for members in rounds]
+    names = truth_id.tolist()
+    earlier = np.array([names[:k].count(name) if name else -1 for k, name in enumerate(names)], dtype=np.int64)
+    return [np.flatnonzero(earlier == nth) for nth in range(int(earlier.max(initial=-1)) + 1)]
