@@ -161,7 +161,10 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
 
 KEPT_BYTES = {-3: 32 * 2**20, -1: 2**31 - 1, -2: 64 * 2**20}
 """Options of ``mallopt``: the largest M_MMAP_THRESHOLD that is allowed, no M_TRIM_THRESHOLD, and M_TOP_PAD."""
-HEAP_BYTES, HUGE_PAGE, MADV_HUGEPAGE = 6 * [24 * 2**20], 2**21, 14
+HEAP_BYTES = 6 * [24 * 2**20]
+"""Blocks that make the heap as large as a run needs; each is below the threshold above, so it lies on the heap."""
+HUGE_PAGE, MADV_HUGEPAGE = 2**21, 14
+"""Bytes of a large page on x86-64, and Linux's number for the advice to use them; other pages ignore it."""
 
 
 def keep_freed_memory() -> None:
@@ -176,6 +179,7 @@ def keep_freed_memory() -> None:
         for option, value in KEPT_BYTES.items():
             libc.mallopt(option, value)
         libc.malloc.restype = libc.sbrk.restype = ctypes.c_void_p
+        # The heap grows once; freed, the blocks stay part of it.
         blocks = [ctypes.c_void_p(libc.malloc(ctypes.c_size_t(size))) for size in HEAP_BYTES]
         begin, end = -(-(blocks[0].value or 0) // HUGE_PAGE) * HUGE_PAGE, libc.sbrk(0) or 0
         libc.madvise(ctypes.c_void_p(begin), ctypes.c_size_t(max(end - begin, 0)), MADV_HUGEPAGE)
