@@ -300,7 +300,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
         finished = running.run(
             config,
             out=values["out"],
-            force=values["force"],
+            force=values["force"] and (values["out"] is not None or values["video"] is None),
             resume=values["resume"],
             command=command,
             quiet=quiet,
@@ -346,14 +346,15 @@ def make_grid(options: Mapping[str, object], command: str, quiet: bool) -> Finis
         from harness.grid import stress as stressing  # noqa: PLC0415
         from harness.report import comparison_page, folder_page  # noqa: PLC0415
 
+        user = making.on_stderr(quiet)
         with _execution(values["scheduler"], values["workers"], values["timeout_per_run"]) as execute:
             finished = stressing.run_stress(
                 request,
                 values["out"],
-                execute if values["keep"] is None else making.keeping(execute, Path(values["out"])),
+                execute if values["keep"] is None else making.keeping(execute, Path(values["out"]), user.warn),
                 resume=values["resume"] or values["retry_failed"],
                 retry_failed=values["retry_failed"],
-                user=making.on_stderr(quiet),
+                user=user,
                 command=command,
             )
         if values["keep"] is not None:

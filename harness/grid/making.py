@@ -20,7 +20,17 @@ from harness.grid.pool import OnRow
 from harness.running.provenance import model_files, other_code, own_code, provenance_of
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
-from harness.storage.grid_folder import GRID, KEPT, RUNS, Row, check_same_grid, open_grid_folder, read_rows, write_row
+from harness.storage.grid_folder import (
+    GRID,
+    KEPT,
+    ROWS,
+    RUNS,
+    Row,
+    check_same_grid,
+    open_grid_folder,
+    read_rows,
+    write_row,
+)
 from harness.storage.manifest import CODE, INPUTS, RunFacts, hashes_of, manifest_of, write_manifest
 
 SUMMARY, TABLE = "summary.json", "table.md"
@@ -38,10 +48,23 @@ class Telling:
     tell: Callable[[str], object] = str
 
 
-def keeping(execute: RunCells, out: Path) -> RunCells:
-    """Return what runs the cells of a grid's folder so that each run leaves a run folder there."""
+def keeping(execute: RunCells, out: Path, warn: Callable[[str], object] = str) -> RunCells:
+    """Return what runs the cells of a grid's folder so that each run leaves a run folder there.
+
+    ``warn`` is told of runs that are not made again and have none.
+    """
     keep_in = (out / KEPT).resolve()
-    return lambda cells, on_row: execute([replace(cell, keep_in=keep_in) for cell in cells], on_row)
+
+    def run_and_keep(cells: list[Cell], on_row: OnRow) -> None:
+        done = {path.stem for path in (out / ROWS).glob("*.json")} - {run.key for cell in cells for run in cell.runs}
+        if lacking := sum(not (keep_in / key).is_dir() for key in done):
+            warn(
+                f"{lacking} runs that {out} holds have no folder: they failed, or were made without one; make the grid "
+                "in another folder to have all"
+            )
+        execute([replace(cell, keep_in=keep_in) for cell in cells], on_row)
+
+    return run_and_keep
 
 
 def on_stderr(quiet: bool) -> Telling:

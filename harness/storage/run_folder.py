@@ -99,8 +99,11 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
     taken.
 
     Raises:
-        InputError: The folder exists and may not be replaced, can't be written, or another process is writing it.
+        InputError: The folder exists and may not be replaced, can't be written, or another process is writing it; or
+            none is named that ``force`` could replace.
     """
+    if force and out is None:
+        raise InputError("`force`: it replaces the run in `out`, and there is none; name that folder, or leave it out")
     final = _first_free(DEFAULT_PARENT / default_name) if out is None else out if out.name else out.resolve()
     with writing("out", final):
         _check_free(final, force)

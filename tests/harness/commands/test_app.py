@@ -31,6 +31,7 @@ def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:
     [
         (["run", "--net", "nosuch"], "--net"),
         (["run", "--density", "0"], "--density"),
+        (["run", "--force"], "--force"),
         (["run", "--density", "1_0"], "--density"),
         (["run", "--set", "sensor.range_m='1_0'"], "sensor.range_m"),
         (["stress", "--workers", "1_0"], "--workers"),

@@ -18,7 +18,7 @@ from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.grid import stress
 from harness.grid.cells import Cell
 from harness.grid.grid import GridRequest, plan_grid
-from harness.grid.making import Telling
+from harness.grid.making import Telling, keeping
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.storage import ownership
 from tests.harness.full_disk import disk_full_from, moments
@@ -219,6 +219,12 @@ def test_a_finished_grid_is_not_run_again(finished):
     again = MadeUp()
     grid(finished, execute=again, resume=True)
     assert again.cells == []
+
+
+def test_runs_that_were_made_without_folders_are_told_of_where_folders_are_kept(finished):
+    said: list[str] = []
+    grid(finished, execute=keeping(MadeUp(), finished, said.append), resume=True)
+    assert [line.partition(": ")[0] for line in said] == [f"8 runs that {finished} holds have no folder"]
 
 
 def test_a_resumed_grid_may_have_more_seeds(finished):

@@ -71,6 +71,8 @@ def test_default_names_never_collide(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = [runfolder.open_folder(None, "a-run", force=False).finish().name for _ in range(3)]
     assert names == ["a-run", "a-run-2", "a-run-3"]
+    with pytest.raises(InputError, match=r"^`force`: it replaces the run in `out`, and there is none"):
+        runfolder.open_folder(None, "a-run", force=True)
 
 
 def test_a_run_that_ends_second_does_not_replace_the_first(tmp_path):
