@@ -20,8 +20,8 @@ from harness.common.files import writing
 from harness.common.untrusted_files import unpacked
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
+from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
-from harness.storage.lock import lock_beside
 from harness.truth.recorded.fcd import types_file
 from mmpf.registry import Entry, Registry, UnknownNameError
 
@@ -83,37 +83,22 @@ def export_run(
     if out is not None and name == "fcd" and out.name.endswith(XML_FILES):
         return _export_to_file(folder, exporter, out, force)
     target = out if out is not None else folder / EXPORTS / re.sub(r"[^\w.+-]+", "-", name)
-    if target.exists():
-        if out is not None and not force:
-            raise InputError(f"`out`: {target} exists; choose another folder or add `force` to replace it")
-        ownership.check_replaceable(target, ownership.EXPORT)
+    replaces = force or out is None
+    runfolder.check_free(target, replaces, ownership.EXPORT)
     with sound_tables(folder, "folder"):
         results = folder if name in OF_FOLDERS else read_recorded_run(folder)
-    with writing("out", target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-        lock = lock_beside(target)
-    # Within the lock nobody else writes here; what a killed export left goes.
-    pending = pending_of(target)
+    pending = runfolder.open_folder(target, "", replaces, ownership.EXPORT)
     try:
-        with writing("out", target):
-            if ownership.kind_of(pending) == ownership.EXPORT:
-                shutil.rmtree(pending)
-            pending.mkdir(exist_ok=not pending.is_symlink() and pending.is_dir() and not any(pending.iterdir()))
-            ownership.claim(pending, ownership.EXPORT)
-            with sound_tables(folder, "folder"):
-                files = exporter(results, pending)
+        with writing("out", target), sound_tables(folder, "folder"):
+            files = exporter(results, pending.path)
             files = pack(files) if packed else files
-            ownership.record_all(pending, ownership.EXPORT)
-            if target.exists():
-                tell(f"replaced {ownership.described(target)}")
-                ownership.check_replaceable(target, ownership.EXPORT)
-                ownership.remove(target)
-            pending.rename(target)
-    finally:
-        if ownership.kind_of(pending) == ownership.EXPORT:
-            shutil.rmtree(pending, ignore_errors=True)
-        lock.release()
-    return [target / file.relative_to(pending) for file in files]
+            if pending.replaced is not None:
+                tell(f"replaced {pending.replaced}")
+            written = pending.finish()
+    except BaseException:
+        pending.discard()
+        raise
+    return [written / file.relative_to(pending.path) for file in files]
 
 
 def _export_to_file(folder: Path, exporter: Exporter, out: Path, force: bool) -> list[Path]:
@@ -172,16 +157,6 @@ def _fault_of(files: object, folder: Path) -> str:
 SUFFIXES = (".xml", ".csv")
 HEAD_BYTES = 1 << 16
 LEVEL = 6
-
-
-def pending_of(target: Path) -> Path:
-    """Return the folder in which an export is written before it is moved to its place."""
-    return target.with_name(f".{target.name}.exporting")
-
-
-def target_of(pending: Path) -> Path:
-    """Return the place to which an export's folder is moved once it is written."""
-    return pending.with_name(pending.name.removeprefix(".").removesuffix(".exporting"))
 
 
 def pack(files: Sequence[Path]) -> list[Path]:

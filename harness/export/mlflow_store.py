@@ -15,7 +15,7 @@ from mlflow.exceptions import MlflowException
 
 from harness.common.errors import InputError
 from harness.export.experiments import PAGE, LoggedRun, files_in, logged_runs, register
-from harness.export.formats import target_of
+from harness.storage.run_folder import final_of
 
 ADDRESS, STORE, ARTIFACTS = "MLFLOW_TRACKING_URI", "mlflow.db", "artifacts"
 MOST_AT_ONCE = 100
@@ -37,7 +37,7 @@ def export(results: Path, folder: Path) -> list[Path]:
             raise InputError(f"`to` mlflow: {ADDRESS}={address}: {problem}; is it a store of MLflow?") from None
         return [register(folder, address, ids)]
     # The store tells where artifacts are by full paths, and the folder is about to be moved to its place.
-    final = target_of(folder).resolve()
+    final = final_of(folder).resolve()
     # MLflow keeps a store open by its path, so each is written in a place of its own.
     with tempfile.TemporaryDirectory() as place:
         client = MlflowClient(f"sqlite:///{Path(place).resolve() / STORE}")

@@ -15,7 +15,7 @@ from typing import Any
 
 from harness.common.errors import InputError
 from harness.export.experiments import PAGE, LoggedRun, files_in, logged_runs, register
-from harness.export.formats import target_of
+from harness.storage.run_folder import final_of
 
 PLACE, ELSEWHERE = "TRACKIO_DIR", ("TRACKIO_SPACE_ID", "TRACKIO_SERVER_URL")
 if find_spec("trackio") is None:
@@ -31,7 +31,7 @@ def export(results: Path, folder: Path) -> list[Path]:
         logging = pool.submit(_log, Path(place or folder).resolve(), name, runs, page if page.is_file() else None)
     if (error := logging.exception()) is not None:
         raise InputError(f"`to` trackio: {place or results}: {' '.join(str(error).split())[:200]}") from None
-    file = register(folder, place or str(target_of(folder).resolve()), {run.name: name for run in runs})
+    file = register(folder, place or str(final_of(folder).resolve()), {run.name: name for run in runs})
     return [file] if place else files_in(folder)
 
 

@@ -38,16 +38,17 @@ INCOMPLETE_SUFFIX = ".incomplete"
 
 @dataclass(frozen=True)
 class PendingFolder:
-    """A run folder that is being written at ``path``, and gets its ``final`` name once finished.
+    """A folder of a run or an export that is being written at ``path``, and gets its ``final`` name once finished.
 
-    ``force`` says whether it may replace an earlier run there; ``lock`` keeps other processes off that name, None where
-    nobody asked for it.
+    ``force`` says whether it may replace an earlier one of its kind there; ``lock`` keeps other processes off that
+    name, None where nobody asked for it.
     """
 
     path: Path
     final: Path
     force: bool = False
     lock: FolderLock | None = None
+    kind: str = ownership.RUN
 
     @property
     def replaced(self) -> str | None:
@@ -56,9 +57,9 @@ class PendingFolder:
 
     def finish(self) -> Path:
         """Give the folder its final name and return it; if another run took that name meanwhile, the next free one."""
-        ownership.record_all(self.path, ownership.RUN)
-        if not (self.force and self.final.exists() and _is_replaceable(self.final)):
-            # Also where somebody's files came into the folder since the run began: they stay, and so does the run.
+        ownership.record_all(self.path, self.kind)
+        if not (self.force and self.final.exists() and _is_replaceable(self.final, self.kind)):
+            # Also where somebody's files came into the folder since then: they stay, and so does what was written.
             return self._take_name(self.final)
         aside = self.final.with_name(f".{self.final.name}.replaced-{os.getpid()}@{platform.node()}")
         self.final.rename(aside)
@@ -92,8 +93,8 @@ class PendingFolder:
             self.lock.release()
 
 
-def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFolder:
-    """Make a folder for a new run, which may replace an earlier one by ``force``.
+def open_folder(out: Path | None, default_name: str, force: bool, kind: str = ownership.RUN) -> PendingFolder:
+    """Make a folder for a new run, or an export, which may replace an earlier one by ``force``.
 
     Without ``out`` the run lands in ``results/<default_name>``, or in ``<default_name>-2``, ``-3``, ... where that is
     taken.
@@ -106,16 +107,16 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
         raise InputError("`force`: it replaces the run in `out`, and there is none; name that folder, or leave it out")
     final = _first_free(DEFAULT_PARENT / default_name) if out is None else out if out.name else out.resolve()
     with writing("out", final):
-        _check_free(final, force)
+        check_free(final, force, kind)
         final.parent.mkdir(parents=True, exist_ok=True)
         lock = lock_beside(final) if out is not None else None
     pending = final.with_name(f".{final.name}.running-{os.getpid()}@{platform.node()}")
     try:
         # Whoever held the lock a moment ago may have finished.
-        _check_free(final, force)
+        check_free(final, force, kind)
         with writing("out", final):
             pending.mkdir()
-            ownership.claim(pending, ownership.RUN)
+            ownership.claim(pending, kind)
     except (InputError, RunError):
         with suppress(OSError):
             pending.rmdir()
@@ -123,19 +124,25 @@ def open_folder(out: Path | None, default_name: str, force: bool) -> PendingFold
             lock.release()
         raise
     _remove_leftovers(final.parent)
-    return PendingFolder(path=pending, final=final, force=force, lock=lock)
+    return PendingFolder(pending, final, force, lock, kind)
 
 
-def _check_free(final: Path, force: bool) -> None:
+def final_of(pending: Path) -> Path:
+    """Return the place to which a folder that is being written is moved."""
+    return pending.with_name(pending.name[1:].rpartition(".running-")[0])
+
+
+def check_free(final: Path, force: bool, kind: str = ownership.RUN) -> None:
+    """Refuse a place where something is, unless ``force`` may replace it, which is of that kind."""
     if os.path.lexists(final):
         if not force:
             raise InputError(f"`out`: {final} exists; choose another folder or add `force` to replace it")
-        ownership.check_replaceable(final, ownership.RUN)
+        ownership.check_replaceable(final, kind)
 
 
-def _is_replaceable(folder: Path) -> bool:
+def _is_replaceable(folder: Path, kind: str = ownership.RUN) -> bool:
     try:
-        ownership.check_replaceable(folder, ownership.RUN)
+        ownership.check_replaceable(folder, kind)
     except (InputError, OSError):
         return False
     return True
@@ -221,7 +228,7 @@ def _first_free(path: Path) -> Path:
 
 
 def _remove_leftovers(parent: Path) -> None:
-    """Remove the folders of runs that were killed: those whose process, of this machine, lives no more."""
+    """Remove the folders of runs and exports that were killed: those whose process, of this machine, lives no more."""
     ours = re.compile(rf"\..+\.(?:running|replaced)-([0-9]+)@{re.escape(platform.node())}")
     remove_stale_locks(parent)
     for folder in parent.glob(".*"):
@@ -230,7 +237,7 @@ def _remove_leftovers(parent: Path) -> None:
             continue
         if ".replaced-" in folder.name:
             ownership.remove(folder)
-        elif is_run_folder(folder) or ownership.kind_of(folder) == ownership.RUN or not any(folder.iterdir()):
+        elif is_run_folder(folder) or ownership.kind_of(folder) is not None or not any(folder.iterdir()):
             shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -457,7 +457,7 @@ def test_an_export_is_replaced_as_a_whole_and_a_given_folder_only_by_force(folde
         export_run(folder, "fcd", out)
     export_run(folder, "fcd", out, force=True)
     assert not list(out.glob("*.csv"))
-    assert not [*tmp_path.rglob("*.exporting"), *tmp_path.rglob(f"*{LOCK}")]
+    assert not [*tmp_path.rglob("*.running-*"), *tmp_path.rglob(f"*{LOCK}")]
 
 
 def test_no_export_removes_a_file_that_no_export_has_written(folder, tmp_path):
