@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -42,36 +42,35 @@ run_bench(BenchPlan(**plan | {key: tuple(plan[key]) for key in ("vehicles", "tra
 """
 
 
-class SteppedBench:
-    """The bench of a checkout in a process of its own, which takes a scan when told to and ends with the block."""
+@contextmanager
+def stepped_bench(tree: Path, plan: BenchPlan) -> Iterator[Callable[..., float]]:
+    """Run the bench of a checkout in a process of its own, which ends with the block.
 
-    def __init__(self, tree: Path, plan: BenchPlan) -> None:
-        self._errors: IO[str] = tempfile.TemporaryFile("w+")  # noqa: SIM115
-        paths = os.pathsep.join([str(tree), *filter(None, [os.environ.get("PYTHONPATH")])])
-        words = [sys.executable, "-c", CHILD, json.dumps(asdict(plan))]
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": self._errors, "text": True}
-        self._process = subprocess.Popen(words, cwd=tree, env=os.environ | {"PYTHONPATH": paths}, **pipes)  # type: ignore[call-overload]
+    Yields what lets it take the next scan and returns its processor time in ms; of the first, taken unasked, nan.
+    """
+    paths = os.pathsep.join([str(tree), *filter(None, [os.environ.get("PYTHONPATH")])])
+    words, environment = [sys.executable, "-c", CHILD, json.dumps(asdict(plan))], os.environ | {"PYTHONPATH": paths}
+    with tempfile.TemporaryFile("w+") as errors:
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": errors, "text": True}
+        process = subprocess.Popen(words, cwd=tree, env=environment, **pipes)  # type: ignore[call-overload]
 
-    def __enter__(self) -> Self:
-        return self
+        def step(begins: bool = True) -> float:
+            with suppress(BrokenPipeError):
+                process.stdin.write("\n" * begins)
+                process.stdin.flush()
+            if line := process.stdout.readline():
+                return float(line.strip() or "nan")
+            errors.seek(0)
+            kind, _, text = (errors.read().strip().splitlines() or ["it ended"])[-1].partition(": ")
+            if kind.endswith("InputError"):
+                raise InputError(text)
+            raise InputError(f"`against`: no bench can be run there ({kind}: {text}); choose a later revision")
 
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.communicate()
-        self._errors.close()
-
-    def step(self, begins: bool = True) -> float:
-        """Let it take the next scan and return its processor time in ms; of the first, taken unasked, nan."""
-        with suppress(BrokenPipeError):
-            self._process.stdin.write("\n" * begins)
-            self._process.stdin.flush()
-        if line := self._process.stdout.readline():
-            return float(line.strip() or "nan")
-        self._errors.seek(0)
-        kind, _, text = (self._errors.read().strip().splitlines() or ["it ended"])[-1].partition(": ")
-        if kind.endswith("InputError"):
-            raise InputError(text)
-        raise InputError(f"`against`: no bench can be run there ({kind}: {text}); choose a later revision")
+        try:
+            yield step
+        finally:
+            process.kill()
+            process.communicate()
 
 
 def time_ratios(revision: str, plan: BenchPlan, advance: Callable[[], None]) -> list[dict[str, Any]]:
@@ -106,14 +105,14 @@ def judged(times_ms: np.ndarray) -> dict[str, Any]:
 def time_pair(trees: Sequence[Path], plan: BenchPlan, advance: Callable[[], None]) -> np.ndarray:
     """Return the processor times in ms of the settled steps in two checkouts that take turns, shape (2, steps)."""
     times = np.empty((2, plan.steps - 1))
-    with SteppedBench(trees[0], plan) as now, SteppedBench(trees[1], plan) as then:
+    with stepped_bench(trees[0], plan) as now, stepped_bench(trees[1], plan) as then:
         both = now, then
-        for bench in both:
-            bench.step(begins=False)
+        for take in both:
+            take(begins=False)
         for step in range(plan.steps - 1):
             # Who comes first finds the caches as the other left them: in turns too.
             for side in (0, 1) if step % 2 else (1, 0):
-                times[side, step] = both[side].step()
+                times[side, step] = both[side]()
             advance()
     return times[:, min(SETTLING_STEPS, plan.steps - 1 - FEWEST_STEPS) :]
 

@@ -126,21 +126,17 @@ def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTr
     Raises:
         InputError: There is no such tracker or model, or it is none that can be timed.
     """
-    tracker, _, variant = name.partition(":")
-    options: dict[str, object] = {}
-    of_mmpf: tuple[str | None, int | None] = (None, None)
-    if tracker == "mmpf":
-        name, of_mmpf = tracker, (variant or "residual", particles)
-        options = {"model": variant or "residual", "particles": particles}
-    else:
-        tracker = name
+    tracker, _, model = name.partition(":")
+    # A colon in another name stands in `module:factory`.
+    tracker = tracker if tracker == "mmpf" else name
+    options: dict[str, Any] = {"model": model or "residual", "particles": particles} if tracker == "mmpf" else {}
     try:
         built = build_tracker(tracker, setting, options)
     except UnknownNameError as error:
         raise InputError(f"`trackers`: {error}") from None
     if isinstance(built, TruthAssociatedTracker):
         raise InputError(f"`trackers`: {tracker} knows the truth; it is a reference and is not timed")
-    return TimedTracker(name, built, *of_mmpf)
+    return TimedTracker(tracker, built, **options)
 
 
 def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> list[dict[str, Any]]:
