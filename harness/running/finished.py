@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import shapely
 
@@ -22,7 +23,7 @@ from harness.running.resolve import check_sensor_of_folder
 from harness.scoring.metrics.registry import quantities
 from harness.sensor.profiles import sensor_settings
 from harness.storage import run_folder as runfolder
-from harness.storage.checks import Until, check_truth
+from harness.storage.checks import check_truth
 from harness.storage.road_file import read_road
 from harness.storage.schema import TABLES
 from harness.storage.tables import floats
@@ -124,8 +125,8 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
 
     def table(name: str) -> pd.DataFrame:
         step = "to_step" if "to_step" in TABLES[name].needed else "step"
-        until = None if last_step is None else Until(step, last_step)
-        return runfolder.read_table(folder, name, parameter, until=until)
+        wanted = None if last_step is None else pc.field(step) <= last_step
+        return runfolder.read_table(folder, name, parameter, wanted=wanted)
 
     def has(*names: str) -> bool:
         return all((folder / name).is_file() for name in names)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from harness.common.bounds import Numbers, check_numbers
@@ -30,20 +30,14 @@ READABLE = (
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
-@dataclass(frozen=True)
-class Until:
-    """The first rows of a table that is sorted by a column: those where it is at most ``last``."""
-
-    column: str
-    last: int
-
-
-def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: int | None = None) -> pd.DataFrame:
+def read_parquet(
+    path: Path, parameter: str, wanted: pc.Expression | None = None, noted: int | None = None
+) -> pd.DataFrame:
     """Return a table, which is unpacked in a process of its own.
 
     Args:
         parameter: Parameter that named it, for messages.
-        until: The rows that are wanted; None for all.
+        wanted: Which rows, as an expression of PyArrow; only row groups that may hold some are unpacked. None for all.
         noted: How many rows the run has written; None if that is not known.
 
     Raises:
@@ -53,11 +47,11 @@ def read_parquet(path: Path, parameter: str, until: Until | None = None, noted: 
     check_file(path, parameter)
     place = f"`{parameter}`: {path}"
     limits = ProcessLimits.for_files([path])
-    frame: pd.DataFrame = isolated(partial(_table, path, place, until, noted), place, limits).to_pandas()
+    frame: pd.DataFrame = isolated(partial(_table, path, place, wanted, noted), place, limits).to_pandas()
     return frame
 
 
-def _table(path: Path, place: str, until: Until | None, noted: int | None) -> pa.Table:
+def _table(path: Path, place: str, wanted: pc.Expression | None, noted: int | None) -> pa.Table:
     with reading(place, "table of a run"), pq.ParquetFile(path, pre_buffer=False) as file:
         footer, schema = file.metadata, file.schema_arrow
         _check_version(footer, place)
@@ -70,26 +64,9 @@ def _table(path: Path, place: str, until: Until | None, noted: int | None) -> pa
             kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
             if not any(is_kind(kind) for is_kind in READABLE):
                 raise InputError(f"{place}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
-        groups = list(range(footer.num_row_groups)) if until is None else groups_until(footer, until)
-        table = file.read_row_groups(groups, use_threads=False)
-    return table if until is None else table.filter(pa.compute.less_equal(table[until.column], until.last))
-
-
-def groups_until(footer: pq.FileMetaData, until: Until) -> list[int]:
-    """Return the row groups of a table that may hold wanted rows.
-
-    Raises:
-        LookupError: The table lacks the column.
-    """
-    place = footer.schema.names.index(until.column) if until.column in footer.schema.names else -1
-    if place < 0:
-        raise LookupError(f"there is no column {until.column}")
-
-    def begins_before(group: int) -> bool:
-        known = footer.row_group(group).column(place).statistics
-        return known is None or not known.has_min_max or known.min <= until.last
-
-    return [group for group in range(footer.num_row_groups) if begins_before(group)]
+        if wanted is not None:
+            return pq.read_table(path, use_threads=False, pre_buffer=False, filters=wanted)
+        return file.read(use_threads=False)
 
 
 def check_kinds(table: pd.DataFrame, columns: Iterable[Column], place: str) -> None:

@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.compute as pc
 
 from harness.common.bounds import check_columns
 from harness.common.errors import InputError, RunError
 from harness.common.files import writing
 from harness.common.untrusted_files import read_json, read_toml, reading
 from harness.storage import ownership
-from harness.storage.checks import AGAIN, Until, check_kinds, read_parquet
+from harness.storage.checks import AGAIN, check_kinds, read_parquet
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.manifest import manifest_of
 from harness.storage.schema import TABLES, Table
@@ -189,14 +190,13 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
 
 
 def read_table(
-    folder: Path, name: str, parameter: str, columns: Collection[str] | None = None, until: Until | None = None
+    folder: Path, name: str, parameter: str, columns: Collection[str] | None = None, wanted: pc.Expression | None = None
 ) -> pd.DataFrame:
     """Return one of the tables of a run folder.
 
     Args:
         parameter: Parameter that named the folder, for the message.
         columns: Columns that it must have, whose content is checked; None for all that its kind of table has.
-        until: The rows that are wanted; None for all.
 
     Raises:
         InputError: It is missing, truncated, not parquet, lacks columns, or is not as the run left it.
@@ -206,10 +206,10 @@ def read_table(
         raise InputError(f"`{parameter}`: {path} is missing; make the run again")
     manifest = manifest_of(folder)
     rows = manifest.get("rows")
-    table = read_parquet(path, parameter, until, rows.get(name) if isinstance(rows, dict) else None)
+    table = read_parquet(path, parameter, wanted, rows.get(name) if isinstance(rows, dict) else None)
     if manifest.get("status") in (INTERRUPTED, FAILED):
         later = sorted(folder.glob(f"{path.stem}-[0-9]*{path.suffix}"), key=lambda part: (len(part.name), part.name))
-        table = pd.concat([table, *(read_parquet(part, parameter, until) for part in later)], ignore_index=True)
+        table = pd.concat([table, *(read_parquet(part, parameter, wanted) for part in later)], ignore_index=True)
     known = TABLES.get(name, Table("", ()))
     check_columns(f"`{parameter}`: {path}", table.columns, known.needed if columns is None else columns, AGAIN)
     checked = [column.name for column in known.columns if column.name in table] if columns is None else columns
