@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
@@ -121,6 +122,7 @@ def replay_parts(
         "follow_m": FOLLOW_CUTOFF_M,
         "differ": beside is not None and beside.opens_at is not None,
         "has_particles": any(each.particles is not None for each in runs),
+        "has_walls": len(run.road.walls_near(0.0, 0.0, np.inf)) > 0,
         "has_unseen": any(each.unseen is not None and len(each.unseen) for each in runs),
         "replay_json": _script_json(replay_data(run, beside)),
         "script": Markup("\n".join(_template_text(name) for name in SCRIPTS)),

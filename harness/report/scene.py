@@ -39,6 +39,7 @@ VEHICLE_STYLES: dict[int, dict[str, Any]] = {
     OUT: {"facecolor": "none", "edgecolor": "#9a9a9a", "linewidth": 0.8},
 }
 VEHICLE_LABELS = {VISIBLE: "visible", PARTIAL: "partly hidden", HIDDEN: "hidden", OUT: "out of range"}
+WALL_STYLE: dict[str, Any] = {"color": "#4a4038", "lw": 2.0}
 UNCONFIRMED_ALPHA = 0.5
 MARGIN_M = 2.5
 BEARINGS = 720
@@ -90,7 +91,7 @@ def _plane_figure(scene: PictureScene, title: str) -> Figure:
     draw_scene(axes, scene, (-scene.range_m - MARGIN_M, scene.range_m + MARGIN_M))
     north = float(scene.frame.lat_m[scene.frame.ego])
     axes.yaxis.set_major_locator(FixedLocator(list(north + axes.get_xticks())))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y - north:.0f}"))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y - north:.0f}".replace("-", "\N{MINUS SIGN}")))
     axes.set(xlabel="metres east of the ego", ylabel="metres north of the ego", ylim=_road_edges(scene))
     return _explained(figure, scene, title, 4)
 
@@ -98,7 +99,7 @@ def _plane_figure(scene: PictureScene, title: str) -> Figure:
 def _explained(figure: Figure, scene: PictureScene, title: str, columns: int) -> Figure:
     """Return the figure with its title above and a legend below."""
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
-    entries = legend_entries(scene.particles is not None)
+    entries = legend_entries(scene.particles is not None, len(scene.road.walls_near(0.0, 0.0, np.inf)) > 0)
     figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)
     return figure
 
@@ -122,18 +123,19 @@ def draw_scene(axes: Axes, scene: PictureScene, window: tuple[float, float]) -> 
     axes.tick_params(length=2, color="#999999")
 
 
-def legend_entries(with_particles: bool) -> list[Patch | Line2D]:
+def legend_entries(with_particles: bool, with_walls: bool) -> list[Patch | Line2D]:
     """Return one entry for each kind of thing that ``draw_scene`` draws."""
     entries: list[Patch | Line2D] = [Patch(facecolor="black", label="ego")]
     entries += [Patch(label=f"vehicle: {VEHICLE_LABELS[state]}", **VEHICLE_STYLES[state]) for state in VEHICLE_LABELS]
     entries += [
-        Patch(facecolor=SHADOW, label="shadow, from detections"),
+        Patch(facecolor=SHADOW, label="shadow"),
         Patch(facecolor=OUT_OF_SIGHT, label="beyond the sensor"),
         Line2D([], [], ls="none", marker="x", color="black", ms=6, mew=1.2, label="detection"),
         Line2D([], [], color=PURPLE, lw=1.4, label="track, 95 % ellipse"),
         Line2D([], [], color=PURPLE, lw=1.4, ls=(0, (3, 2)), label="track held as hidden"),
         Line2D([], [], color=PURPLE, lw=1.4, alpha=UNCONFIRMED_ALPHA, label="unconfirmed track"),
     ]
+    entries += [Line2D([], [], label="wall of a building", **WALL_STYLE)] if with_walls else []
     if with_particles:
         entries.append(Line2D([], [], ls="none", marker="o", color=BLUE, ms=2.5, alpha=0.6, label="particles"))
     return entries
@@ -216,7 +218,7 @@ def _draw_lanes(axes: Axes, road: Road, origin: float, window: tuple[float, floa
             if len(edge):
                 axes.plot(edge[:, 0] - origin, edge[:, 1], color="#8c8c8c", lw=0.6, zorder=2)
     for wall in road.walls_near(0.0, 0.0, np.inf):
-        axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], color="#4a4038", lw=2.0, zorder=3)
+        axes.plot(wall[[0, 2]] - origin, wall[[1, 3]], **WALL_STYLE, zorder=3)
     for lat, start, end in ((lat, ln.start_m, ln.end_m) for ln in road.lanes for lat in (ln.right_m, ln.left_m)):
         lon = np.clip(np.array([start - origin, end - origin]), *window)
         cuts = np.unique(np.concatenate([lon, [s - origin for ln in road.lanes for s in (ln.start_m, ln.end_m)]]))

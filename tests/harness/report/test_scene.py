@@ -79,9 +79,9 @@ def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
 
 
 def test_every_kind_of_thing_is_in_the_legend_once():
-    labels = [entry.get_label() for entry in legend_entries(with_particles=True)]
-    assert len(labels) == len(set(labels)) == 12
-    assert len(legend_entries(with_particles=False)) == 11
+    labels = [entry.get_label() for entry in legend_entries(with_particles=True, with_walls=True)]
+    assert len(labels) == len(set(labels)) == 13
+    assert len(legend_entries(with_particles=False, with_walls=False)) == 11
 
 
 def test_the_figure_can_be_saved_without_tracks_or_particles_and_on_a_bend(road):
