@@ -9,6 +9,7 @@ from typing import Annotated, Any, cast, get_type_hints
 
 import typer
 
+from harness.common.errors import InputError
 from harness.config.options import Declared, options_of
 
 Outcome = int | None
@@ -28,11 +29,18 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
 
 
 def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> list[str]:
-    """Return what was typed, with a value after each option that may be typed without one."""
-    options = {name: entry.option for name, entry in _entries(command).items()}
-    alone = {f"--{name.replace('_', '-')}": option.alone for name, option in options.items() if option.alone}
+    """Return what was typed, with a value after each option that may be typed without one.
+
+    Raises:
+        InputError: After an option that needs a value stands another option.
+    """
+    named = {f"--{name.replace('_', '-')}": entry for name, entry in _entries(command).items()}
+    alone = {name: entry.option.alone for name, entry in named.items() if entry.option.alone}
+    valued = {name for name, entry in named.items() if entry.types[0] is not bool} - alone.keys()
     completed: list[str] = []
     for word, after in zip(arguments, [*arguments[1:], "--"], strict=True):
+        if word in valued and after in named:
+            raise InputError(f"{word}: needs a value, not {after}; --help has options and examples")
         completed.append(word)
         if word in alone and after.startswith("-"):
             completed.append(str(alone[word]))

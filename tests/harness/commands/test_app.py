@@ -50,6 +50,7 @@ def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:
         (["run", "--set", "tracker.options.gate=3"], "gate"),
         (["run", "--set", "nonsense"], "--set"),
         (["run", "--unknown"], "--unknown"),
+        (["run", "--video", "--out", "run"], "--video: needs a value"),
         (["run", "surplus"], "surplus"),
         (["nosuch"], "nosuch"),
         (["--nosuch"], "--nosuch"),
