@@ -33,6 +33,9 @@ extensions = [
 exclude_patterns = ["_build", "examples"]
 templates_path: list[str] = []
 
+# Blocks without a language show what commands print.
+highlight_language = "none"
+
 html_theme = "furo"
 html_title = "MMPF harness"
 html_theme_options = {"navigation_with_keys": True}
