@@ -245,7 +245,8 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
     }
     # Names stand above their rows, so that the plot keeps its width on a small screen.
     above: Spec = {"labelAlign": "left", "labelPadding": -4, "labelOffset": -11, "labelLimit": {"expr": "width"}}
-    axis: Spec = {"title": None, "grid": False, "ticks": False, "domain": False} | above
+    small: Spec = {"labelFontSize": {"expr": "width < 400 ? 10.5 : 12"}}
+    axis: Spec = {"title": None, "grid": False, "ticks": False, "domain": False} | above | small
     y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
     shade: Spec = {"color": colour_by("verdict", lines), "opacity": strength("verdict")}
     change: Spec = {"y": y, "x": {**x, "field": "change"}}
