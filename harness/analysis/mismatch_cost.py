@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.intervals import ANY, Possible, possible_ci
-from harness.common.markdown import markdown_table
+from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.common.numbers import number
 from harness.config.model import TrafficConfig
 from harness.storage.schema import AS_IS, DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
@@ -161,24 +161,22 @@ COLUMNS: dict[str, Callable[[Cost], str]] = {
 
 def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequence[Lead] = ()) -> str:
     """Return the table, a line for each tracker and mismatch, who is ahead by how much, and which runs failed."""
-    lines = [
+    parts: list[PagePart] = [
         "# What mismatches cost",
-        "",
         "Trackers assume the sensor's data sheet; a mismatch changes the true sensor, or the noise or map that "
-        "trackers receive.",
-        "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.",
+        "trackers receive.\n"
+        "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.\n"
         "Missed are vehicle-steps in sight, a run.",
-        "",
-        *markdown_table([*COLUMNS], [[cell(cost) for cell in COLUMNS.values()] for cost in found]),
+        markdown_table([*COLUMNS], [[cell(cost) for cell in COLUMNS.values()] for cost in found]),
     ]
     if ahead:
         heads = ("mismatch", "score", "first", "best of the others", "ahead of it, points", "runs")
         rows = [(*astuple(lead)[:4], _points(lead.ahead, lead.ahead_ci95), str(lead.runs)) for lead in ahead]
-        lines += ["", "The first tracker against the best of the others by each score, paired run by run:", ""]
-        lines += markdown_table(heads, rows)
+        parts += ["The first tracker against the best of the others by each score, paired run by run:"]
+        parts += [markdown_table(heads, rows)]
     if failures:
-        lines += ["", "Failed:", "", *(f"- {line}" for line in failures)]
-    return "\n".join(lines) + "\n"
+        parts += ["Failed:", [f"- {line}" for line in failures]]
+    return markdown_page(parts)
 
 
 def _interval(values: pd.Series[float], possible: Possible = ANY) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from harness.analysis.coasting_ratio import COASTING_TRACKER, ON_PURPOSE, ON_PUR
 from harness.analysis.pooled import HiddenError, Pooled, pooled_name, pooled_quantities
 from harness.analysis.tables import value_cell
 from harness.common.charts import Charts, curves, lines_of
-from harness.common.markdown import markdown_table
+from harness.common.markdown import PagePart, markdown_page, markdown_table
 
 TITLE = "Recorded traffic"
 WINDOWS_NOTE = (
@@ -22,30 +22,23 @@ WINDOWS_NOTE = (
 
 def pooled_markdown(pooled: Pooled, failures: Sequence[str]) -> str:
     """Return all tables and what failed."""
-    lines = [
+    parts: list[PagePart] = [
         f"# {TITLE}",
-        "",
         "Every vehicle that carries the sensor is a separate episode; all trackers got the same detections. Means "
         "over all samples of all files, with Student's 95 % intervals over files.",
-        "",
-        *_score_table(pooled),
-        "",
+        _score_table(pooled),
         *_on_purpose(pooled),
         "## Hidden vehicles by the time since their last detection",
-        "",
         "Mean absolute longitudinal error, m; in brackets that of constant-velocity prediction with the true "
         "association, on the same vehicle-steps; then the ratio with its interval, the number of vehicle-steps and the "
         "share of all hidden ones that the tracker follows.",
-        "",
-        *_hidden_table(pooled),
-        "",
+        _hidden_table(pooled),
         "![hidden](figures/hidden.png)",
-        "",
-        *(["## Files", "", *_file_table(pooled), ""] if pooled.files else []),
+        *(["## Files", _file_table(pooled)] if pooled.files else []),
     ]
     if failures:
-        lines += ["## Runs that failed", "", *(f"- {failure}" for failure in failures), ""]
-    return "\n".join(lines)
+        parts += ["## Runs that failed", [f"- {failure}" for failure in failures]]
+    return markdown_page(parts)
 
 
 def _score_table(pooled: Pooled) -> list[str]:
@@ -58,7 +51,7 @@ def _score_table(pooled: Pooled) -> list[str]:
     return markdown_table(["tracker", "identity switches", *(column.label for column in columns)], rows)
 
 
-def _on_purpose(pooled: Pooled) -> list[str]:
+def _on_purpose(pooled: Pooled) -> list[PagePart]:
     """Return the table of vehicles hidden on purpose with what its columns mean; nothing where none is hidden."""
     found = {(mean.tracker, mean.quantity): mean for mean in pooled.means}
     kinds = dict.fromkeys(key.split(".", 1)[1].rpartition(".")[0] for _, key in found if key.startswith(ON_PURPOSE))
@@ -69,7 +62,7 @@ def _on_purpose(pooled: Pooled) -> list[str]:
             cells = [value_cell(mean, decimals) for mean, decimals in scores]
             rows.append([kind.replace("_", " "), label, str(scores[0][0].n), *cells])
     heads = ["hidden for, or while", "tracker", "windows", *(score.label for score in ON_PURPOSE_SCORES)]
-    return ["## Vehicles hidden on purpose", "", WINDOWS_NOTE, "", *markdown_table(heads, rows), ""] if rows else []
+    return ["## Vehicles hidden on purpose", WINDOWS_NOTE, markdown_table(heads, rows)] if rows else []
 
 
 def _hidden_table(pooled: Pooled) -> list[str]:

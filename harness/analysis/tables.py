@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curves import BREAK_PERCENT, FEWEST_EVENTS, Break, Point, curve_quantities, table_quantities
 from harness.analysis.pooled import Mean
-from harness.common.markdown import markdown_table, show_markdown
+from harness.common.markdown import PagePart, markdown_page, markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import NET
 
@@ -23,16 +23,16 @@ def heading_of(axis: str) -> str:
 
 def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], failures: Sequence[str]) -> str:
     """Return all curves as tables with 95 % intervals over seeds, where each tracker breaks, and what failed."""
-    lines = [f"# {title}", "", f"Means over seeds with 95 % intervals over seeds. {HOTA_NOTE}", ""]
+    parts: list[PagePart] = [f"# {title}", f"Means over seeds with 95 % intervals over seeds. {HOTA_NOTE}"]
     if broken:
-        lines += ["## Where each tracker breaks", "", *(f"- {break_sentence(at)}" for at in broken), "", DEFINITION, ""]
+        parts += ["## Where each tracker breaks", [f"- {break_sentence(at)}" for at in broken], DEFINITION]
     for axis in dict.fromkeys(point.axis for point in points):
-        lines += [f"## {heading_of(axis)}", ""]
+        parts += [f"## {heading_of(axis)}"]
         for heading, columns in _themes({point.metric for point in points}):
-            lines += [heading, "", *_table(points, axis, columns, BY_KIND.get(heading)), ""]
+            parts += [heading, _table(points, axis, columns, BY_KIND.get(heading))]
     if failures:
-        lines += ["## Runs that failed", "", *(f"- {failure}" for failure in failures), ""]
-    return "\n".join(lines)
+        parts += ["## Runs that failed", [f"- {failure}" for failure in failures]]
+    return markdown_page(parts)
 
 
 def _table(points: Sequence[Point], axis: str, columns: Sequence[Quantity], kinds: tuple[str, str] | None) -> list[str]:

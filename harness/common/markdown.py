@@ -1,4 +1,4 @@
-"""Writes Markdown tables, and shows Markdown in the terminal."""
+"""Writes Markdown pages and tables, and shows Markdown in the terminal."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from rich.table import Table
 INTERVAL = re.compile(r"([-+\d.,]+(?: %)?) (\[[-+\d., ]+\])")
 """A value with its interval, which goes on a line of its own in a narrow column."""
 WIDEST_NAME = 32
+PagePart = str | Sequence[str]
+"""A part of a page: a text, or the lines of a list or table."""
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -24,6 +26,11 @@ def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> li
         return "| " + " | ".join(cells) + " |"
 
     return [line(headings), line(["---"] * len(headings)), *(line(row) for row in rows)]
+
+
+def markdown_page(parts: Iterable[PagePart]) -> str:
+    """Return a page of parts with empty lines between them."""
+    return "\n\n".join(part if isinstance(part, str) else "\n".join(part) for part in parts) + "\n"
 
 
 def show_markdown(text: str, on_stderr: bool = False) -> None:

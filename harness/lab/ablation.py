@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.bootstrap import independent_ci
-from harness.common.markdown import markdown_table
+from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.grid.grid import GridRequest
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
@@ -127,26 +127,19 @@ def ablation_rows(runs: pd.DataFrame, arms: Mapping[str, str] = ABLATIONS) -> li
 
 def as_markdown(rows: Sequence[dict[str, Any]], ideal: Sequence[dict[str, Any]], setting: str) -> str:
     """Return the tables: means, and in brackets how far each arm is from the default."""
-    lines = [
+    parts: list[PagePart] = [
         "# Ablation: what each departure from the paper is worth",
-        "",
         setting,
-        "",
-        "Each cell: mean over seeds, and the paired difference from the default with its 95 % bootstrap interval over",
-        "seeds. All arms of a table saw the same detections. The hidden cost is over all vehicles hidden after seen,",
+        "Each cell: mean over seeds, and the paired difference from the default with its 95 % bootstrap interval over\n"
+        "seeds. All arms of a table saw the same detections. The hidden cost is over all vehicles hidden after seen,\n"
         "10 m for vehicles without a track; the error of hidden vehicles covers tracked vehicles only, and their share "
         "is listed.",
-        "",
-        *_table(rows),
-        "",
+        _table(rows),
         "## Under the paper's sensor",
-        "",
         "Every vehicle that is not hidden is detected in every scan, and there are no false detections.",
-        "",
-        *_table(ideal),
-        "",
+        _table(ideal),
     ]
-    return "\n".join(lines)
+    return markdown_page(parts)
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> list[str]:

@@ -13,7 +13,7 @@ from scipy.stats import wasserstein_distance
 
 from harness.common.errors import InputError
 from harness.common.files import save_figure, write_text, writing
-from harness.common.markdown import markdown_table, show_markdown
+from harness.common.markdown import PagePart, markdown_page, markdown_table, show_markdown
 from harness.common.palette import BLUE as SIMULATED
 from harness.common.palette import VERMILION as RECORDED
 from harness.common.progress import progress_bar
@@ -143,33 +143,26 @@ def _period(runs: Sequence[SimulatedRun], period: MeasuredPeriod, duration_s: fl
 def as_markdown(table: Mapping[str, Any]) -> str:
     """Return the figures as Markdown."""
     listed = [(demand, target) for demand, period in table["periods"].items() for target in period["targets"]]
-    lines = [
+    parts: list[PagePart] = [
         f"# How real the traffic on {table['net']} is",
-        "",
         f"{table['minutes']:g} simulated minutes on each of {len(table['seeds'])} seeds a period; "
         f"the first minutes that the recording undercounts are left out on both sides. Measured: {table['source']}.",
-        "",
-        *markdown_table(TARGET_HEADINGS, [_target_row(demand, target) for demand, target in listed]),
-        "",
+        markdown_table(TARGET_HEADINGS, [_target_row(demand, target) for demand, target in listed]),
         f"{sum(target['met'] for _, target in listed)} of {len(listed)} figures agree with the measured ones within "
         "what is allowed.",
-        "",
     ]
     if table["distances"]:
-        lines += [
+        parts += [
             "## Distributions",
-            "",
             "Wasserstein distances between simulated and recorded vehicles; of the rate, the difference. The "
             "recordings are short windows about single vehicles, from no particular part of the periods: "
             + ", ".join(table["recordings"])
             + ".",
-            "",
-            *markdown_table(DISTANCE_HEADINGS, [_distance_row(*entry) for entry in table["distances"].items()]),
-            "",
+            markdown_table(DISTANCE_HEADINGS, [_distance_row(*entry) for entry in table["distances"].items()]),
         ]
     if table["left_out"]:
-        lines += ["## Left out", "", *(f"- {reason}" for reason in table["left_out"]), ""]
-    return "\n".join(lines)
+        parts += ["## Left out", [f"- {reason}" for reason in table["left_out"]]]
+    return markdown_page(parts)
 
 
 def _target_row(demand: str, target: Mapping[str, Any]) -> tuple[str, ...]:

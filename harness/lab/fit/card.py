@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.common.files import write_text
-from harness.common.markdown import markdown_table
+from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import following_cases
 from harness.lab.windows.filtering import HORIZONS_S, follow, score
@@ -24,13 +24,12 @@ def write_card(
     path: Path, title: str, facts: Mapping[str, str], regimes: Sequence[Sequence[str]], limits: Sequence[str]
 ) -> None:
     """Write a model card with the rows of ``errors_by_regime``, if any, and known limits, one sentence each."""
-    lines = [f"# {title}", "", *(f"- **{name}**: {value}" for name, value in facts.items()), ""]
+    parts: list[PagePart] = [f"# {title}", [f"- **{name}**: {value}" for name, value in facts.items()]]
     if regimes:
         heads = ["regime", "cases", *(f"{horizon:g} s" for horizon in HORIZONS_S)]
-        lines += ["## Position error by regime, complete occlusion, held-out seeds, m", ""]
-        lines += [*markdown_table(heads, regimes), ""]
-    lines += ["## Known limits", "", *(f"- {limit}" for limit in limits), ""]
-    write_text(path, "\n".join(lines))
+        parts += ["## Position error by regime, complete occlusion, held-out seeds, m", markdown_table(heads, regimes)]
+    parts += ["## Known limits", [f"- {limit}" for limit in limits]]
+    write_text(path, markdown_page(parts))
 
 
 STOP_AND_GO_BELOW_MPS = 3.0

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from harness.common.errors import InputError
-from harness.common.markdown import markdown_table
+from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.lab.fidelity.samples import whole_recording
 from harness.lab.fit.card import regimes_of
 from harness.lab.study.study import StudyPlan, model_of, score_row
@@ -101,7 +101,7 @@ def situations_of(plan: StudyPlan, parts: Sequence[Part], steps: int) -> dict[st
 
 def as_markdown(rows: Sequence[Row], setting: Mapping[str, Any]) -> str:
     """Return a table for each situation: the error and how often the 95 % interval holds the truth, by horizon."""
-    parts = ["# Study: situations", "", ABOUT]
+    parts: list[PagePart] = ["# Study: situations", ABOUT]
     for situation in dict.fromkeys(row["situation"] for row in rows):
         some = [row for row in rows if row["situation"] == situation]
         horizons = dict.fromkeys(row["horizon_s"] for row in some)
@@ -109,7 +109,7 @@ def as_markdown(rows: Sequence[Row], setting: Mapping[str, Any]) -> str:
         for row in some:
             cell = f"{error_cell(row, 'lon_m')}; {100 * row['coverage95_lon_m']:.0f} %"
             cells.setdefault(row["model"], []).append(cell)
-        parts += ["", f"## {situation.capitalize()}, {some[0]['n']} cases", ""]
         heads = ["model", *(f"{horizon:g} s" for horizon in horizons)]
-        parts += markdown_table(heads, [[model, *line] for model, line in cells.items()])
-    return "\n".join([*parts, "", "## Setting", "", setting_line(setting), ""])
+        table = markdown_table(heads, [[model, *line] for model, line in cells.items()])
+        parts += [f"## {situation.capitalize()}, {some[0]['n']} cases", table]
+    return markdown_page([*parts, "## Setting", setting_line(setting)])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from harness.common.markdown import markdown_table
+from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.common.numbers import rounded
 from harness.lab.study.study import StudyResult
 
@@ -23,14 +23,13 @@ def as_json(rows: Sequence[Row], setting: Mapping[str, Any]) -> dict[str, Any]:
 
 def as_markdown(result: StudyResult, setting: Mapping[str, Any]) -> str:
     """Return the tables as Markdown."""
-    parts = [f"# Study: {result.study}", ""]
+    parts: list[PagePart] = [f"# Study: {result.study}"]
     for occlusion in result.occlusions():
         rows = [row for row in result.rows if row["occlusion"] == occlusion]
-        parts += [f"## {occlusion.capitalize()} occlusion", "", sentence(rows), ""]
-        parts += [*_tables(rows, result.study == "lane-change"), ""]
-        parts += [f"![errors]({result.study}-{occlusion}-errors.png)", ""]
-        parts += [f"![particles]({result.study}-{occlusion}-particles.png)", ""]
-    return "\n".join([*parts, "## Setting", "", setting_line(setting), ""])
+        parts += [f"## {occlusion.capitalize()} occlusion", sentence(rows)]
+        parts += _tables(rows, result.study == "lane-change")
+        parts += [f"![{kind}]({result.study}-{occlusion}-{kind}.png)" for kind in ("errors", "particles")]
+    return markdown_page([*parts, "## Setting", setting_line(setting)])
 
 
 def sentence(rows: Sequence[Row]) -> str:
@@ -53,7 +52,7 @@ def _plain(value: object) -> str:
     return ", ".join(f"{part:g}" for part in value) if isinstance(value, list) else str(value)
 
 
-def _tables(rows: Sequence[Row], lateral: bool) -> list[str]:
+def _tables(rows: Sequence[Row], lateral: bool) -> list[list[str]]:
     by_key = {(row["model"], row["horizon_s"]): row for row in rows}
     horizons = list(dict.fromkeys(row["horizon_s"] for row in rows))
     heads = ["mean" if horizon is None else f"{horizon:g} s" for horizon in horizons]
@@ -64,11 +63,10 @@ def _tables(rows: Sequence[Row], lateral: bool) -> list[str]:
         lines = ([name, *(cell(by_key[model, horizon]) for horizon in horizons)] for model, name in named.items())
         return markdown_table([heading, *heads], lines)
 
-    lines: list[str] = []
-    for quantity, label in (QUANTITIES | (LATERAL_QUANTITIES if lateral else {})).items():
-        lines += [*table(f"MAE of {label}", partial(error_cell, quantity=quantity)), ""]
+    quantities = QUANTITIES | (LATERAL_QUANTITIES if lateral else {})
+    errors = (table(f"MAE of {label}", partial(error_cell, quantity=name)) for name, label in quantities.items())
     heading = "position: coverage of the 95 % interval; CRPS, m"
-    return [*lines, *table(heading, lambda row: f"{100 * row['coverage95_lon_m']:.0f} %; {row['crps_lon_m']:.2f}")]
+    return [*errors, table(heading, lambda row: f"{100 * row['coverage95_lon_m']:.0f} %; {row['crps_lon_m']:.2f}")]
 
 
 def error_cell(row: Row, quantity: str) -> str:
