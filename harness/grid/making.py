@@ -59,8 +59,8 @@ def keeping(execute: RunCells, out: Path, warn: Callable[[str], object] = str) -
         done = {path.stem for path in (out / ROWS).glob("*.json")} - {run.key for cell in cells for run in cell.runs}
         if lacking := sum(not (keep_in / key).is_dir() for key in done):
             warn(
-                f"{lacking} runs that {out} holds have no folder: they failed, or were made without one; make the grid "
-                "in another folder to have all"
+                f"finished runs in {out} without a folder: {lacking}; they failed, or were made without `keep`; make "
+                "the grid in another folder to have all"
             )
         execute([replace(cell, keep_in=keep_in) for cell in cells], on_row)
 

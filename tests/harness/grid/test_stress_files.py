@@ -224,7 +224,7 @@ def test_a_finished_grid_is_not_run_again(finished):
 def test_runs_that_were_made_without_folders_are_told_of_where_folders_are_kept(finished):
     said: list[str] = []
     grid(finished, execute=keeping(MadeUp(), finished, said.append), resume=True)
-    assert [line.partition(": ")[0] for line in said] == [f"8 runs that {finished} holds have no folder"]
+    assert [line.partition(";")[0] for line in said] == [f"finished runs in {finished} without a folder: 8"]
 
 
 def test_a_resumed_grid_may_have_more_seeds(finished):
