@@ -27,7 +27,8 @@ class Possible:
     """The least and the largest value that a mean can have.
 
     ``events`` says how many events one of its sums stands for, where it is a rate of events; 0 where it is none.
-    ``is_share`` says whether one that goes from 0 to a largest value is a share of that.
+    ``is_share`` says that a mean from 0 to a finite ``most`` is a share of it: its interval is that of a proportion.
+    Others have Student's interval, cut off at the two ends.
     """
 
     least: float = 0.0

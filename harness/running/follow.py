@@ -162,9 +162,9 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
 KEPT_BYTES = {-3: 32 * 2**20, -1: 2**31 - 1, -2: 64 * 2**20}
 """Options of ``mallopt``: the largest M_MMAP_THRESHOLD that is allowed, no M_TRIM_THRESHOLD, and M_TOP_PAD."""
 HEAP_BYTES = 6 * [24 * 2**20]
-"""Blocks that make the heap as large as a run needs; each is below the threshold above, so it lies on the heap."""
+"""Blocks that make the heap 144 MiB large at once; each is below the threshold above, so it lies on the heap."""
 HUGE_PAGE, MADV_HUGEPAGE = 2**21, 14
-"""Bytes of a large page on x86-64, and Linux's number for the advice to use them; other pages ignore it."""
+"""Bytes of a large page on x86-64, and the number by which Linux is advised to use such pages."""
 
 
 def keep_freed_memory() -> None:

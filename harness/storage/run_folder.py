@@ -197,6 +197,7 @@ def read_table(
     Args:
         parameter: Parameter that named the folder, for the message.
         columns: Columns that it must have, whose content is checked; None for all that its kind of table has.
+        wanted: Which rows, as an expression of PyArrow; None for all.
 
     Raises:
         InputError: It is missing, truncated, not parquet, lacks columns, or is not as the run left it.
