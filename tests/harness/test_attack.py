@@ -264,7 +264,7 @@ INPUTS: dict[str, Input] = {
     # Recordings.
     "a comment of 1 GB [fcd40]": recording(comment(1024), "took more"),
     "a comment of 3 GB [fcd41]": recording(comment(3072), "took more"),
-    "150 million annotations [av214]": recording(many_annotations, "annotations.feather", *AV2),
+    "150 million annotations [av214]": recording(many_annotations, "count of rows", *AV2),
     "a name of 100 kB [fcd33]": recording(edited(write_fcd, 'id="7"', f'id="{"x" * 100_000}"'), "100000 letters"),
     "a pose 1e300 away [kitti11]": recording(kitti(lambda words, k: [*words[:3], "1e300", *words[4:]]), "pose", *KITTI),
     "all x equal [cr06]": recording(edited(write_commonroad, "<x>[^<]*</x>", "<x>1</x>"), "no width"),
@@ -374,7 +374,7 @@ def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(nam
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "bad", raising=False)
-    monkeypatch.setattr("harness.common.isolation.ProcessLimits.cpu_s", 2 if "comment of" in name else 5)
+    monkeypatch.setattr("harness.common.isolation.ProcessLimits.cpu_s", 2 if "comment of" in name else 10)
     words = INPUTS[name].make(tmp_path)
     before = untouched(tmp_path)
     with nullcontext() if INPUTS[name].forks else trusted():

@@ -95,7 +95,7 @@ def test_errors_are_drawn_from_the_seed(tmp_path: Path) -> None:
         ("annotations.feather", lambda t: t.assign(qw=3.0), "rotation's length"),
         ("annotations.feather", lambda t: pd.concat([t, t], ignore_index=True), "is there twice at 0 s"),
         ("annotations.feather", lambda t: t.assign(timestamp_ns=t.timestamp_ns * 7), "the usual step"),
-        ("annotations.feather", lambda t: t.iloc[:0], "no rows"),
+        ("annotations.feather", lambda t: t.iloc[:0], "count of rows"),
         ("city_SE3_egovehicle.feather", lambda t: t.iloc[:-1], "lacks the pose"),
         ("city_SE3_egovehicle.feather", lambda t: t.assign(tx_m="far"), "tx_m holds 'far', not numbers"),
     ],
