@@ -69,13 +69,14 @@ def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: TrackPairs)
     return Selection(in_sight & rows.truth.in_range, tracks)
 
 
-def tracks_in_sight(rows: RunRows) -> BoolArray:
+def tracks_in_sight(rows: RunRows, new_ones: bool = True) -> BoolArray:
     """Return which reported tracks are in sight, shape (m,) along ``TrackRows``.
 
     The detections alone decide, never what a tracker says of itself.
     A track is out of sight once no detection has lain within the gate of its reported place for more than
     ``IN_SIGHT_S``, the time after which a vehicle without detections is out of sight as well. The time counts from the
-    last step at which the track had such a detection, or from the first at which it was reported if it never had one.
+    last step at which the track had such a detection, or from the first at which it was reported if it never had one;
+    without ``new_ones`` such a track is never in sight, so that a new identity does not bring a false track back.
     Clutter counts like any detection, since no tracker can tell it apart.
     """
     tracks = rows.tracks
@@ -84,9 +85,9 @@ def tracks_in_sight(rows: RunRows) -> BoolArray:
     has_detection[near.track[near.similarity >= GATE_SIMILARITY]] = True
     order = np.lexsort((tracks.step, tracks.track))
     track, time_s = tracks.track[order], rows.time_s[tracks.step[order]]
-    since_row = last_row_where(has_detection[order] | first_of_group(track), track)
+    since_row = last_row_where(has_detection[order] | (first_of_group(track) & new_ones), track)
     in_sight = np.zeros(len(tracks), dtype=bool)
-    in_sight[order] = time_s - time_s[since_row] <= IN_SIGHT_S + TIME_TOLERANCE_S
+    in_sight[order] = (since_row >= 0) & (time_s - time_s[since_row] <= IN_SIGHT_S + TIME_TOLERANCE_S)
     return in_sight
 
 

@@ -68,7 +68,7 @@ def measure_hidden(evidence: Evidence) -> HiddenPart:
     def cost(values_m: FloatArray) -> CostSums:
         return CostSums(float(values_m.sum()), *sums_by_label(values_m, vehicle))
 
-    unseen = following.idle & ~tracks_in_sight(rows)
+    unseen = following.idle & ~tracks_in_sight(rows, new_ones=False)
     return HiddenPart(
         cost=cost(following.distance_m[hidden]),
         own=cost(_by_identity(evidence)[hidden]),
@@ -88,8 +88,8 @@ def cost_of_hidden(part: HiddenPart, rng: np.random.Generator) -> dict[str, obje
         over all vehicle-steps ``n``, the cut-off where nobody does; ``followed_percent``, the share of them that
         somebody does. ``identity_cost_m``: the same mean by the track that held the vehicle when it was last detected,
         the cut-off where it is gone or on another vehicle, or where none did. Both with their 95 % intervals over
-        vehicles under ``_ci95``. ``false_hidden_tracks_per_scan``: reported tracks out of sight that follow nobody.
-        nan where there is nothing to tell.
+        vehicles under ``_ci95``. ``false_hidden_tracks_per_scan``: reported tracks that follow nobody and have had no
+        detection within the gate for 0.5 s, or never. nan where there is nothing to tell.
     """
 
     def interval(cost: CostSums) -> list[float] | None:

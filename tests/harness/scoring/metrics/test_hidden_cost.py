@@ -83,14 +83,17 @@ def test_nobody_pays_less_by_letting_go_of_the_difficult_vehicles():
 
 
 def test_vehicles_detected_twice_are_not_asked_for_and_their_tracks_not_false():
-    told = hidden_scores(hiding(Scene(STEPS), "glimpsed", 30.0, detections=2).track(1, 30.0))
+    told = hidden_scores(hiding(Scene(STEPS), "glimpsed", 30.0, detections=2).track(1, 30.0, at=range(3, 10)))
     assert (told["n"], told["hidden_cost_m"], told["false_hidden_tracks_per_scan"]) == (0, None, 0.0)
 
 
-def test_a_track_out_of_sight_that_follows_nobody_is_false_and_one_in_sight_is_not():
-    """Half a second after its last detection a track is out of sight."""
-    scene = Scene(30).clutter(range(3), 50.0).track(1, 50.0)
-    assert hidden_scores(scene)["false_hidden_tracks_per_scan"] == pytest.approx((30 - 8) / 30)
+@pytest.mark.parametrize(("renamed_every", "in_sight"), [(30, 8), (5, 5), (2, 4), (1, 3)])
+def test_a_track_out_of_sight_that_follows_nobody_is_false_by_any_name_and_one_in_sight_is_not(renamed_every, in_sight):
+    """Half a second after its last detection a track is out of sight; under a new name it has had none."""
+    scene = Scene(30).clutter(range(3), 50.0)
+    for begin in range(0, 30, renamed_every):
+        scene.track(begin, 50.0, at=range(begin, begin + renamed_every))
+    assert hidden_scores(scene)["false_hidden_tracks_per_scan"] == pytest.approx((30 - in_sight) / 30)
 
 
 def test_a_vehicle_beyond_the_memory_excuses_the_track_that_is_still_on_it():
