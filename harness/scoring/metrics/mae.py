@@ -30,14 +30,14 @@ TWO_TO_THREE_S = "mae.by_seconds_hidden.2"
 QUANTITIES = (
     Quantity(VISIBLE_LON, "MAE visible (while followed), m", decimals=2, heading="MAE seen m", weight=VISIBLE_N),
     Quantity(VISIBLE_N, "visible and followed, %", True, weight="mae.visible.of_n", scale=100.0),
-    Quantity("mae.visible.speed_mps", "speed MAE visible, m/s", decimals=2),
-    Quantity("mae.partial.lon_m", "MAE partly hidden, m", decimals=2),
+    Quantity("mae.visible.speed_mps", "speed MAE visible, m/s", decimals=2, weight="mae.visible.speed_n"),
+    Quantity("mae.partial.lon_m", "MAE partly hidden, m", decimals=2, weight="mae.partial.n"),
     Quantity(
         HIDDEN_LON, "longitudinal error, hidden (while followed), m",
         decimals=2, heading="MAE hidden m", weight=HIDDEN_N,
     ),
     Quantity(HIDDEN_N, "hidden and followed, %", True, heading="followed %", weight="mae.hidden.of_n", scale=100.0),
-    Quantity("mae.hidden.followed_percent", "hidden and followed, %", True),
+    Quantity("mae.hidden.followed_percent", "hidden and followed, %", True, weight="mae.hidden.of_n"),
     Quantity(
         f"{TWO_TO_THREE_S}.lon_m", "MAE hidden 2-3 s (while followed), m",
         decimals=2, weight=f"{TWO_TO_THREE_S}.n",
@@ -46,7 +46,7 @@ QUANTITIES = (
         f"{TWO_TO_THREE_S}.tracked_percent", "hidden 2-3 s and followed, %", True,
         weight=f"{TWO_TO_THREE_S}.hidden_n",
     ),
-    Quantity("mae.hidden.speed_mps", "speed MAE hidden, m/s", decimals=2),
+    Quantity("mae.hidden.speed_mps", "speed MAE hidden, m/s", decimals=2, weight="mae.hidden.speed_n"),
 )  # fmt: skip
 
 
@@ -101,22 +101,18 @@ def mean_errors_by_visibility(part: ErrorPart, rng: np.random.Generator) -> dict
     Returns:
         ``visible``, ``partial``, ``hidden`` and ``all`` three together: mean errors, nan without rows, and the ends of
         their 95 % bootstrap intervals over vehicles under ``_ci95``, with the number of vehicle-steps of which ``n``
-        were followed, ``of_n``, and their share ``followed_percent``; ``position_m`` is the mean Euclidean error of the
-        position. ``by_seconds_hidden``: one such table for each bin of vehicles last detected more than ``from_s`` and
-        at most ``to_s`` ago, with their ``hidden_outcomes``.
+        were followed (``speed_n`` by tracks that state a speed), ``of_n``, and their share ``followed_percent``;
+        ``position_m`` is the mean Euclidean error of the position. ``by_seconds_hidden``: one such table for each bin
+        of vehicles last detected more than ``from_s`` and at most ``to_s`` ago, with their ``hidden_outcomes``.
     """
-
-    def mean_of(group: ErrorSums) -> dict[str, object]:
-        return _means(group.sums, group.counts, group.followed, rng)
-
     table: dict[str, object] = {}
     for name, group in zip(STATES, part.by_state, strict=True):
         of_n = int(group.outcomes.sum())
-        table[name] = mean_of(group) | {"of_n": of_n, "followed_percent": 100.0 * ratio(group.followed, of_n)}
+        table[name] = _means(group, rng) | {"of_n": of_n, "followed_percent": 100.0 * ratio(group.followed, of_n)}
     bins: list[dict[str, object]] = []
     for (from_s, to_s), group in zip(pairwise(HIDDEN_BINS_S), part.by_bin, strict=True):
         outcomes = hidden_outcomes(group.outcomes)
-        bins.append({"from_s": from_s, "to_s": to_s, **mean_of(group), "hidden_n": outcomes.pop("n"), **outcomes})
+        bins.append({"from_s": from_s, "to_s": to_s, **_means(group, rng), "hidden_n": outcomes.pop("n"), **outcomes})
     table["by_seconds_hidden"] = bins
     return table
 
@@ -127,13 +123,14 @@ def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArr
     return group_sums(values, np.unique(vehicle, return_inverse=True)[1])
 
 
-def _means(sums: FloatArray, counts: FloatArray, n: int, rng: np.random.Generator) -> dict[str, object]:
-    """Return the table of means over the vehicles' ``n`` rows; the ends are None with fewer than two vehicles."""
-    total = counts.sum(axis=0)
-    means = np.divide(sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
-    intervals = dict(zip(NAMES, cluster_bootstrap(sums, counts, rng), strict=True))
+def _means(group: ErrorSums, rng: np.random.Generator) -> dict[str, object]:
+    """Return the table of means of a group; the ends are None with fewer than two vehicles."""
+    total = group.counts.sum(axis=0)
+    means = np.divide(group.sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
+    intervals = dict(zip(NAMES, cluster_bootstrap(group.sums, group.counts, rng), strict=True))
     return {
         **dict(zip(NAMES, means.tolist(), strict=True)),
-        "n": n,
+        "n": group.followed,
+        "speed_n": int(total[NAMES.index("speed_mps")]),
         **{f"{name}_ci95": None if np.isnan(ends.low) else [ends.low, ends.high] for name, ends in intervals.items()},
     }

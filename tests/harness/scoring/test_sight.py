@@ -1,7 +1,6 @@
 """One rule says which tracks are in sight: it follows from the detections, whatever trackers say of their tracks."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,8 +16,8 @@ STATES = ("confirmed", "hidden")
 @pytest.mark.parametrize("state", [*STATES, np.where(STEPS % 7 < 3, "hidden", "confirmed")], ids=[*STATES, "both"])
 def test_what_a_tracker_says_of_its_own_tracks_changes_no_score(state):
     truth, detections, tracks = traffic(steps=100, vehicles=30)
-    said = np.resize(state, len(tracks))
-    assert score_run(truth, detections, tracks.assign(state=said)).metrics == score_run(*_all_confirmed()).metrics
+    said, confirmed = (tracks.assign(state=each) for each in (np.resize(state, len(tracks)), "confirmed"))
+    assert score_run(truth, detections, said).metrics == score_run(truth, detections, confirmed).metrics
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -99,11 +98,6 @@ def test_random_tracks_and_detections_give_what_plain_loops_find(seed):
     at = rng.integers(0, steps, rng.integers(0, 2 * steps))
     scene.clutter(at, lon=rng.uniform(0, 60, len(at)), lat=rng.uniform(0, 4, len(at)))
     assert_equal_to_plain_loops(*scene.tables())
-
-
-def _all_confirmed() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    truth, detections, tracks = traffic(steps=100, vehicles=30)
-    return truth, detections, tracks.assign(state="confirmed")
 
 
 def assert_equal_to_plain_loops(truth, detections, tracks, both=False):

@@ -33,14 +33,9 @@ def tables(with_parked: bool = True) -> tuple[pd.DataFrame, pd.DataFrame, pd.Dat
 
 def test_gaps_are_counted_for_moving_and_parked_vehicles_apart() -> None:
     gaps = score_run(*tables(), 0).metrics["gaps"]
-    for kind, events, same_id, long_events, long_same_id in (
-        ("all", 4, 2, 2, 1),
-        ("moving", 2, 1, 1, 1),
-        ("parked", 2, 1, 1, 0),
-    ):
+    for kind, counts in {"all": (4, 2, 2, 1), "moving": (2, 1, 1, 1), "parked": (2, 1, 1, 0)}.items():
         told = gaps[kind]
-        assert (told["events"], told["same_id"]) == (events, same_id), kind
-        assert (told["long_events"], told["long_same_id"]) == (long_events, long_same_id), kind
+        assert tuple(told[key] for key in ("events", "same_id", "long_events", "long_same_id")) == counts, kind
         assert told["same_id_percent"] == pytest.approx(50.0)
         assert told["position_m"] == pytest.approx(np.hypot(0.3, 0.4))
 

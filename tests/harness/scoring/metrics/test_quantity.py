@@ -12,10 +12,9 @@ from harness.common.intervals import possible_ci
 from harness.scoring.metrics import closedloop
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import quantities
+from tests.harness.scoring.scenes import Scene, score_run
 
 METRICS = {"mae": {"hidden": {"lon_m": 2, "n": None}, "text": "x"}, "flat": 1.5}
-
-
 MISSING = ("mae.hidden.n", "mae.hidden.lat_m", "gone.hidden.lon_m", "flat.deeper")
 
 
@@ -32,6 +31,12 @@ def test_a_metric_from_outside_says_how_its_runs_are_pooled_and_which_value_is_b
     said = Quantity("toy.of", "said of", best=1.0, pooled=lambda column: (column("toy.said"), column("toy.there")))
     runs = pd.DataFrame({"toy.said": [1.0, 6.0], "toy.there": [4.0, 6.0], "toy.of": [0.25, 1.0]})
     assert (ratio_of(*sums_and_weights(runs, said))[0], said.better) == (pytest.approx(7.0 / 10.0), "near 1")
+
+
+def test_a_track_that_leaves_its_speed_open_counts_for_positions_alone():
+    scene = Scene(10).vehicle("a", 20.0, detected=True).track(1, 20.5, speed=np.where(np.arange(10) < 4, np.nan, 12.0))
+    found = score_run(*scene.tables()).metrics["mae"]["visible"]
+    assert (found["n"], found["speed_n"], found["speed_mps"], found["lon_m"]) == (10, 6, 2.0, 0.5)
 
 
 SIGNED = ("mot.mota", "never_seen.log_skill_percent")  # below 0 where errors outweigh what is right
