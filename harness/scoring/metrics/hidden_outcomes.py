@@ -12,7 +12,7 @@ from harness.storage.schema import HIDDEN, OUTCOMES
 from mmpf.numerics.arrays import IntArray
 
 TRACKED_PERCENT = "hidden_outcomes.tracked_percent"
-QUANTITIES = (Quantity(TRACKED_PERCENT, "hidden with their own track, %", higher_is_better=True),)
+QUANTITIES = (Quantity(TRACKED_PERCENT, "hidden with their own track, %", True, weight="hidden_outcomes.n"),)
 
 
 def measure_outcomes(evidence: Evidence) -> IntArray:

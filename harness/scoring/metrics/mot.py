@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,13 +16,23 @@ from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.clear import ClearScores, clear
 from harness.scoring.metrics.hota import HotaPart, measure_hota
 from harness.scoring.metrics.parts import of_whole, ratio
-from harness.scoring.metrics.quantity import STEPS, Quantity
+from harness.scoring.metrics.quantity import STEPS, Columns, Quantity
+from mmpf.numerics.arrays import FloatArray
+
+
+def rows_of_runs(column: Columns, table: str) -> tuple[FloatArray, FloatArray]:
+    """Return what IDF1 is a share of: each run's rows with the right identity and all rows, both of shape (runs,)."""
+    rows = column(f"{table}.truth_n") + column(f"{table}.tracks_n")
+    return column(f"{table}.idf1") * rows, rows
+
 
 HOTA, IDF1, SWITCHES, TRUTH_N = "mot.hota", "mot.idf1", "mot.id_switches", "mot.truth_n"
 IN_SIGHT = (
     Quantity(HOTA, "HOTA in sight, %", True, heading="HOTA %"),
-    Quantity(IDF1, "IDF1 in sight, %", True, heading="IDF1 %", weight=TRUTH_N),
-    Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", least=-np.inf),
+    Quantity(
+        IDF1, "IDF1 in sight, %", True, heading="IDF1 %", weight=TRUTH_N, pooled=partial(rows_of_runs, table="mot")
+    ),
+    Quantity("mot.mota", "MOTA in sight, %", True, heading="MOTA %", weight=TRUTH_N, least=-np.inf),
     Quantity(
         SWITCHES, "identity switches a vehicle-minute",
         decimals=3, heading="switches", weight="mot.truth_s", scale=60.0, is_counted=True,
@@ -31,7 +42,13 @@ IN_SIGHT = (
 )  # fmt: skip
 REMEMBERED = (
     Quantity("mot_all.hota", "HOTA last 10 s, %", higher_is_better=True),
-    Quantity("mot_all.idf1", "IDF1, seen within 10 s, %", higher_is_better=True),
+    Quantity(
+        "mot_all.idf1",
+        "IDF1, seen within 10 s, %",
+        True,
+        weight="mot_all.truth_n",
+        pooled=partial(rows_of_runs, table="mot_all"),
+    ),
     Quantity("mot_all.false_tracks_per_scan", "false tracks a scan, all", decimals=2, weight=STEPS),
 )
 
@@ -72,7 +89,7 @@ def multi_object_scores(part: MotPart) -> dict[str, float]:
         ``id_switches``, ``fragmentations`` (times that a vehicle's tracking stopped and went on, be it because the
         vehicle left the set), ``missed`` and ``false_tracks`` as counts of CLEAR, the last also per step; identity
         switches per minute of a vehicle in the set; vehicle-steps ``truth_n``, which stand for ``truth_s`` seconds,
-        and track-steps ``tracks_n``.
+        and track-steps ``tracks_n``. Several runs have the mean of their ``hota``, which is no ratio of counts.
     """
     truths, events = part.accuracy.truths, part.events
     percent = 100.0 if truths else np.nan

@@ -20,7 +20,7 @@ NAME = "motion"
 LARGE_JUMP_M, MOVING_MPS, COURSE_S = 1.0, 2.0, 0.5
 QUANTITIES = of_kinds(
     NAME, {"visible": ", visible", "hidden": ", hidden"},
-    Quantity("jerk_mps3", "jerk of tracks, root mean square{}, m/s³", decimals=2, weight="jerk_n"),
+    Quantity("jerk_mps3", "jerk of tracks, root mean square{}, m/s³", decimals=2, weight="jerk_n", is_root=True),
     Quantity("jump_m", "change of a track's position error from step to step{}, m", decimals=2, weight="n"),
     Quantity(
         "large_jumps_percent", "steps at which the position error changes by more than 1 m{}, %",
@@ -56,8 +56,8 @@ def measure_motion(evidence: Evidence) -> FloatArray:
     jump = np.hypot(
         _difference(tracks.lon_m[followed] - truth.lon_m[kept]), _difference(tracks.lat_m[followed] - truth.lat_m[kept])
     )
-    turn = _course(tracks.lat_speed_mps[followed], tracks.speed_mps[followed])
-    turn = turn - _course(truth.lat_speed_mps[kept], truth.speed_mps[kept])
+    turn = np.arctan2(tracks.lat_speed_mps[followed], tracks.speed_mps[followed])
+    turn = turn - np.arctan2(truth.lat_speed_mps[kept], truth.speed_mps[kept])
     if rows.has_headings:  # there tracks state no direction
         before = _places_before(truth.time_s[kept], again)
         turn = _way(tracks.lon_m[followed], tracks.lat_m[followed], before)
@@ -109,14 +109,9 @@ def _difference(values: FloatArray) -> FloatArray:
     return np.diff(values, prepend=np.nan)
 
 
-def _course(lat: FloatArray, lon: FloatArray) -> FloatArray:
-    """Return the directions of vectors, radians."""
-    return np.asarray(np.arctan2(lat, lon))
-
-
 def _way(lon_m: FloatArray, lat_m: FloatArray, before: IntArray) -> FloatArray:
     """Return the directions from earlier places to each place, radians; nan without an earlier one."""
-    return np.where(before >= 0, _course(lat_m - lat_m[before], lon_m - lon_m[before]), np.nan)
+    return np.where(before >= 0, np.arctan2(lat_m - lat_m[before], lon_m - lon_m[before]), np.nan)
 
 
 def _places_before(time_s: FloatArray, again: BoolArray) -> IntArray:

@@ -11,30 +11,25 @@ from harness.scoring.evidence.events import OcclusionEvents
 from harness.scoring.evidence.rules import MEMORY_S, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import joined
-from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.quantity import Quantity, of_kinds
 from mmpf.numerics.arrays import BoolArray
 
 EVENTS = "occlusion.events"
 SHORT_S = 3.0
 """Longest time without detection of a short event."""
 QUANTITIES = (
-    Quantity("occlusion.same_id_percent", "same identity, %", higher_is_better=True),
+    Quantity("occlusion.same_id_percent", "same identity, %", True, weight=EVENTS),
     Quantity("occlusion.survived", "occlusions survived, %", True, heading="survived %", weight=EVENTS, scale=100.0),
     Quantity(
         "occlusion.same_id", "same identity after occlusion, %", True,
         heading="same id %", weight=EVENTS, scale=100.0,
     ),
     Quantity("occlusion.hijacked", "hijacked in occlusion, %", weight=EVENTS, scale=100.0),
-    Quantity(
-        "occlusion.short.same_id", "same identity, hidden to 3 s, %", True,
-        weight="occlusion.short.events", scale=100.0,
+    *of_kinds(
+        "occlusion", {"short": ", hidden to 3 s", "long": ", hidden 3-10 s"},
+        Quantity("same_id", "same identity{}, %", True, weight="events", scale=100.0),
+        Quantity("same_id_percent", "same identity{}, %", True, decimals=0, weight="events"),
     ),
-    Quantity(
-        "occlusion.long.same_id", "same identity, hidden 3-10 s, %", True,
-        weight="occlusion.long.events", scale=100.0,
-    ),
-    Quantity("occlusion.short.same_id_percent", "same identity, hidden to 3 s, %", True, decimals=0),
-    Quantity("occlusion.long.same_id_percent", "same identity, hidden 3-10 s, %", True, decimals=0),
 )  # fmt: skip
 
 

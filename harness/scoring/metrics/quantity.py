@@ -40,6 +40,7 @@ class Quantity:
         is_counted: Whether it is a rate of events, which are counted over ``weight``.
         least: The least value that it can have; minus infinity of one with a sign.
         limit: The largest value that it can have, where its label's unit does not tell.
+        is_root: Whether it is a root mean square, so that runs are averaged by their squares.
         best: The best value, where that lies between others: nothing is judged by it then.
         pooled: Returns sums and weights of runs, both of shape (runs,), of which the ratio is the value of all runs
             together; None for the mean by ``weight``.
@@ -55,6 +56,7 @@ class Quantity:
     least: float = 0.0
     is_counted: bool = False
     limit: float = math.inf
+    is_root: bool = False
     best: float | None = None
     pooled: Callable[[Columns], tuple[FloatArray, FloatArray]] | None = None
 

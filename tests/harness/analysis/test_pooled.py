@@ -28,7 +28,7 @@ def row(file: str, variant: str = "mmpf", switches: int = 0, hota=(80.0, 100), h
         "recording.vehicles_read": 30, "recording.vehicles_kept": 28, "recording.egos": 3,
         "mot.hota": hota[0], "mot.idf1": 90.0, "mot.truth_n": hota[1], "mot.id_switches": switches,
         "mae.visible.lon_m": 0.1, "mae.visible.n": 10, "mae.hidden.lon_m": own, "mae.hidden.n": n,
-        "hidden_outcomes.tracked_percent": 50.0, "hidden_outcomes.n": 2 * n,
+        "hidden_outcomes.tracked_percent": 50.0, "hidden_outcomes.n": 2 * n, "mot.tracks_n": hota[1],
         "occlusion.same_id": 1, "occlusion.events": 2,
         "against_coasting.by_seconds_hidden.0.from_s": 2.0, "against_coasting.by_seconds_hidden.0.to_s": 3.0,
         **{

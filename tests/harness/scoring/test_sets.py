@@ -24,13 +24,6 @@ def test_a_track_on_nothing_is_false_for_half_a_second_in_mot_and_always_in_mot_
     assert scores["mot_all"]["false_tracks"] == 10
 
 
-def test_a_track_flagged_as_hidden_on_a_vehicle_in_sight_counts_as_its_track():
-    scene = Scene(10).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, at=range(2, 10), state="hidden")
-    scores = score_run(*scene.tables()).metrics
-    assert (scores["mot"]["missed"], scores["mot"]["false_tracks"]) == (0, 0)
-    assert scores["mot"]["hota"] == pytest.approx(100.0)
-
-
 def test_a_vehicle_unseen_for_more_than_ten_seconds_returns_as_another_identity():
     for gap_steps, switches in ((100, 1), (101, 0)):
         seen = (STEPS < 10) | (9 + gap_steps <= STEPS)

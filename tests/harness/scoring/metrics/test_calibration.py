@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 
 from harness.scoring.metrics.calibration import calibration_by_visibility, compare_deviations
 
@@ -10,16 +10,6 @@ from harness.scoring.metrics.calibration import calibration_by_visibility, compa
 def calibration(error, std):
     part = compare_deviations(error, std, np.zeros(len(error), dtype=bool))
     return calibration_by_visibility([part], np.random.default_rng(0))
-
-
-def test_honest_deviations_give_a_nees_of_one_and_cover_95_percent():
-    rng = np.random.default_rng(0)
-    std = rng.uniform(0.2, 3.0, (40_000, 3))
-    result = calibration(rng.normal(0.0, std), std)
-    assert result["nees"] == pytest.approx(1.0, abs=0.02)
-    assert result["nees_median"] == pytest.approx(chi2(3).median() / 3, abs=0.02)
-    for share in (result["coverage95"]["lon"], result["coverage95"]["lat"], result["coverage95"]["speed"]):
-        assert share == pytest.approx(95.0, abs=0.4)
 
 
 def test_deviations_of_half_the_error_give_a_nees_of_four():

@@ -67,8 +67,7 @@ def test_of_two_tracks_on_one_vehicle_the_nearer_one_is_real():
 
 
 def test_tracks_that_state_no_existence_have_no_calibration():
-    made = Scene(STEPS).vehicle("car", lon=30.0, detected=True).track(1, 30.0)
-    found = calibration(made)
+    found = calibration(Scene(STEPS).vehicle("car", lon=30.0, detected=True).track(1, 30.0))
     assert (found["n"], found["largest_gap"], found["brier"]) == (0, None, None)
 
 
