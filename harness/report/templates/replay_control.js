@@ -231,6 +231,10 @@ function start() {
   }).observe(canvas);
   fit();
   openAtMoment();
+  matchMedia("screen and (prefers-color-scheme: dark)").addEventListener("change", () => {
+    colours = {};
+    redraw();
+  });
   window.addEventListener("hashchange", () => { if (location.hash.includes("t=")) openAtMoment(); });
 }
 
@@ -239,7 +243,8 @@ window.replay = {
   step: () => view.step,
   playing: () => view.playing,
   followed: () => (view.followed < 0 ? null : data.vehicles.names[view.followed]),
-  colours: () => ({ marks: [...EDGES, VERMILION, PURPLE, BLUE, GREY, TRAIL], grounds: [SEEN, SHADOW, OUT_OF_SIGHT] }),
+  colours: () => ({ marks: [...EDGES, ...STATE_COLOURS.slice(2), "track", "unseen", "trail"].map(colourOf), grounds: ["seen", "shadow", "beyond"].map(colourOf) }),
+  words: () => written,
   gaps: () => (courses ? gapsOf(courses[0]) : []),
   positions: () => {
     const camera = makeCamera(), [begin, end] = range(data.truth, view.step), found = {};

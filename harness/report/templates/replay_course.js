@@ -1,7 +1,7 @@
 /* One vehicle over time, the timeline of occlusions, and what is said in words. */
 
 let courses = null;
-const CURVES = [["#000000", []], [BLUE, [6, 3]]];
+const CURVES = [["black", []], ["unseen", [6, 3]]];
 const NO_TRACK = "no track";
 /* At the left edge, numbers of the axis take this width. */
 const AXIS_WORDS_PX = 36;
@@ -62,8 +62,8 @@ function drawChart() {
     if (state > HIDDEN) continue;
     const begin = x(points[0].time), end = Math.min(right, x(points[points.length - 1].time + stepS));
     const height = (point) => seenBottom - Math.max(2, ((seenBottom - seenTop) * point.visible) / 100);
-    pen.fillStyle = STATE_COLOURS[state];
-    pen.globalAlpha = 0.2;
+    pen.fillStyle = colourOf(STATE_COLOURS[state]);
+    pen.globalAlpha = 0.28;
     pen.fillRect(begin, errorTop, end - begin, errorBottom - errorTop);
     pen.globalAlpha = 1;
     outline(pen, [[begin, seenBottom], ...points.map((point) => [x(point.time), height(point)]),
@@ -71,7 +71,7 @@ function drawChart() {
     pen.fill();
   }
   courses.forEach((each, side) => {
-    [pen.strokeStyle] = CURVES[side];
+    pen.strokeStyle = colourOf(CURVES[side][0]);
     pen.setLineDash(CURVES[side][1]);
     pen.lineWidth = 1.8;
     pen.lineJoin = "round";
@@ -98,7 +98,7 @@ function drawGaps(pen, gaps, x, middle, bottom, right) {
   pen.textAlign = "center";
   for (const { gap, begin, end } of gaps) {
     const from = x(data.time_s[begin]), wide = Math.min(right, x(data.time_s[end] + stepS)) - from;
-    pen.fillStyle = gap === NO_TRACK ? VERMILION : "#333333";
+    pen.fillStyle = gap === NO_TRACK ? colourOf("car-hidden") : colourOf("words");
     if (gap === NO_TRACK) pen.fillRect(from, bottom - 5, Math.max(2, wide), 5);
     else if (wide > 14) {
       const upright = pen.measureText(gap).width + 8 > wide;
@@ -125,18 +125,18 @@ function stretches(points) {
 }
 
 function drawChartFrame(pen, at) {
-  pen.fillStyle = "#333333";
+  pen.fillStyle = colourOf("words");
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "left";
   pen.fillText(`${data.plots[view.plot][0]}${panes.length > 1 ? " (a: solid; b: dashed)" : ""}`, at.left, at.errorTop - 5);
   pen.fillText("visible part, %", at.left, at.seenTop - 5);
   pen.lineWidth = 3;
-  pen.strokeStyle = "rgba(255,255,255,0.9)";
+  pen.strokeStyle = colourOf("halo");
   for (const [text, y] of [[at.most, at.errorTop + 13], [at.least, at.errorBottom - 7], [100, at.seenTop + 13], [0, at.seenBottom - 4]]) {
     pen.strokeText(String(text), at.left + 5, y);
     pen.fillText(String(text), at.left + 5, y);
   }
-  pen.strokeStyle = GREY;
+  pen.strokeStyle = colourOf("car-out");
   pen.lineWidth = 1;
   pen.strokeRect(at.left + 0.5, at.errorTop, at.right - at.left - 1, at.errorBottom - at.errorTop);
   pen.strokeRect(at.left + 0.5, at.seenTop, at.right - at.left - 1, at.seenBottom - at.seenTop);
@@ -146,7 +146,7 @@ function drawChartFrame(pen, at) {
   pen.fillText(`${at.to.toFixed(1)} s`, at.right, at.seenBottom + 16);
   const now = data.time_s[view.step];
   if (now < at.from || now > at.to) return;
-  pen.fillStyle = BLUE;
+  pen.fillStyle = colourOf("unseen");
   pen.fillRect(at.x(now) - 1, at.errorTop, 2, at.seenBottom - at.errorTop);
 }
 
@@ -179,13 +179,13 @@ function drawTimeline() {
   const rank = { same_id: 0, survived: 1, hijacked: 2, lost: 2 };
   for (const [vehicle, from, to, outcome] of [...data.events].sort((a, b) => rank[a[3]] - rank[b[3]])) {
     const bad = rank[outcome] === 2, mine = vehicle === view.followed;
-    pen.fillStyle = bad ? VERMILION : "#5f5f5f";
+    pen.fillStyle = bad ? colourOf("car-hidden") : colourOf("trail");
     pen.globalAlpha = mine ? 1 : bad ? 0.85 : 0.75;
     const high = bad ? height : height / 2;
     pen.fillRect(x(from), height - high, Math.max(3, x(to) - x(from)), high);
     pen.globalAlpha = 1;
   }
-  pen.fillStyle = BLUE;
+  pen.fillStyle = colourOf("unseen");
   pen.fillRect(x(view.step) - 1, 0, 2, height);
 }
 

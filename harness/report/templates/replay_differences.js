@@ -26,22 +26,22 @@ function drawMarks(pen, camera, found) {
   for (const { row } of found) {
     if (Math.abs(data.truth.lon[row] - camera.lon) > camera.reach + 10) continue;
     outline(pen, bodyOf(camera, row, Math.max(1.6, 14 / camera.scale)));
-    pen.fillStyle = MARK;
+    pen.fillStyle = colourOf("mark");
     pen.fill();
-    pen.strokeStyle = "#000000";
+    pen.strokeStyle = colourOf("black");
     pen.lineWidth = 1;
     pen.stroke();
+    outline(pen, bodyOf(camera, row)); // an outlined body is as easy to see as elsewhere
+    pen.fillStyle = colourOf("seen");
+    pen.fill();
   }
 }
 
 function nameMarks(pen, camera, found) {
   if (camera.scale < 4.5) return;
-  const above = new Map();
   for (const { row, kind } of found) {
-    const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]), line = above.get(row) || 0;
-    above.set(row, line + 1);
-    write(pen, wordOf(kind, row), x, y + 1.1 * camera.scale + (row === rowOf(view.followed, view.step) ? 32 : 16) + 13 * line,
-      "#000000", "bold ");
+    const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]), away = 1.1 * camera.scale + 16;
+    write(pen, wordOf(kind, row), [0, 16, 29, 42].map((more) => [x, y + away + more]), "black", "bold 11px");
   }
 }
 
@@ -54,12 +54,12 @@ function drawDifferences(pen, width, height, x) {
   counts.forEach((each, side) => each.forEach((count, step) => {
     if (!count) return;
     const high = Math.max(2, ((height / 2 - 1) * count) / most);
-    pen.fillStyle = VERMILION;
+    pen.fillStyle = colourOf("car-hidden");
     pen.fillRect(x(step), side ? height / 2 + 1 : height / 2 - 1 - high, wide, high);
   }));
-  pen.fillStyle = GREY;
+  pen.fillStyle = colourOf("car-out");
   pen.fillRect(0, height / 2 - 0.5, width, 1);
-  pen.fillStyle = BLUE;
+  pen.fillStyle = colourOf("unseen");
   pen.fillRect(x(view.step) - 1, 0, 2, height);
 }
 

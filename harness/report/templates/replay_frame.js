@@ -12,12 +12,11 @@ if (data.other) {
 }
 const canvas = panes[0].canvas, chart = element("chart"), timeline = element("timeline");
 const STATES = ["visible", "partly hidden", "hidden", "out of range"];
-/* Each of these, or its edge, differs from every ground by a contrast of 3 to 1, also inverted for a dark screen. */
-const GREEN = "#009E73", ORANGE = "#C78500", VERMILION = "#C45600", PURPLE = "#882255", BLUE = "#0072B2", GREY = "#767676";
-const EDGES = ["#00523B", "#6B4500"], MARK = "#F0E442";
-const OUT_OF_SIGHT = "#efece6", SEEN = "#ffffff", SHADOW = "#e0e0e0";
-const UNSEEN_WIDTH_M = 2.4, TRAIL_S = 2, ARROW_S = 1, TRAIL = "#4a4a4a";
-const STATE_COLOURS = [GREEN, ORANGE, VERMILION, GREY];
+const UNSEEN_WIDTH_M = 2.4, TRAIL_S = 2, ARROW_S = 1;
+/* A colour of the page by its name in the style sheet, for the reader's light or dark scheme. */
+let colours = {};
+const colourOf = (name) => (colours[name] ||= getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+const STATE_COLOURS = ["car-visible", "car-partial", "car-hidden", "car-out"], EDGES = ["edge-visible", "edge-partial"];
 const ELLIPSE_SCALE = 2.4477; // a two-dimensional normal distribution holds 95 % within so many deviations
 const NO_ERROR = 65535, TENTATIVE = 0, TRACK_HIDDEN = 2, HIDDEN = 2, FAR = 4;
 const steps = data.time_s.length;

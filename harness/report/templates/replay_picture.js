@@ -31,9 +31,10 @@ function drawRoad() {
 
 function drawPane(pane, side) {
   const pen = sharpen(pane.canvas), camera = makeCamera(pane), marks = marksAt(view.step, side);
+  written = [];
   pen.save();
   clipToRoad(pen, camera);
-  pen.fillStyle = OUT_OF_SIGHT;
+  pen.fillStyle = colourOf("beyond");
   pen.fillRect(0, 0, camera.width, camera.height);
   drawSensorView(pen, camera);
   pen.restore();
@@ -47,7 +48,9 @@ function drawPane(pane, side) {
   if (shown.tracks && shown.arrows) drawArrows(pen, camera);
   drawFollowed(pen, camera);
   if (shown.tracks) drawTracks(pen, camera);
+  nameFollowed(pen, camera);
   nameMarks(pen, camera, marks);
+  if (shown.tracks && shown.numbers && camera.scale > 4.5) numberTracks(pen, camera, side);
   drawScale(pen, camera);
 }
 
@@ -58,7 +61,7 @@ function drawUnseen(pen, camera) {
   while (step > 0 && t.first[step] === t.first[step + 1] && data.episode[step - 1] === data.episode[view.step]) step--;
   const [begin, end] = range(t, step);
   pen.save();
-  pen.strokeStyle = BLUE;
+  pen.strokeStyle = colourOf("unseen");
   pen.lineWidth = UNSEEN_WIDTH_M * camera.scale;
   for (let k = begin; k < end; k++) {
     const [x, y] = camera.at(t.lon[k], t.lat[k]), [toX, toY] = camera.at(t.to_lon[k], t.to_lat[k]);
@@ -109,14 +112,14 @@ function drawSensorView(pen, camera) {
   const sensor = road.plane(lon, data.truth.lat[row]);
   const forward = road.heading(lon) + data.truth.heading[row] / 1e4 - camera.turn;
   const half = (Math.min(data.field_of_view_deg, 360) * Math.PI) / 360, [x, y] = camera.point(...sensor);
-  pen.fillStyle = SEEN;
+  pen.fillStyle = colourOf("seen");
   pen.beginPath();
   if (half < Math.PI) pen.moveTo(x, y);
   pen.arc(x, y, data.range_m * camera.scale, -forward - half, -forward + half);
   pen.fill();
   if (!shown.shadows) return;
   pen.clip(); // what hides reaches beyond the sensor's range, its shadow does not
-  pen.fillStyle = SHADOW;
+  pen.fillStyle = colourOf("shadow");
   const [begin, end] = range(data.detections, view.step);
   for (let k = begin; k < end; k++) drawShadow(pen, camera, sensor, k);
   for (const wall of road.walls) drawWallShadow(pen, camera, sensor, wall);
@@ -170,7 +173,7 @@ function boxCorners(x, y, heading, length, width) {
 
 function drawLaneLines(pen, camera) {
   const beside = (lon, lat) => road.lanes.some((l) => lat > l[0] && lat < l[1] && lon >= l[2] && lon < l[3]);
-  pen.strokeStyle = GREY;
+  pen.strokeStyle = colourOf("car-out");
   pen.lineWidth = 1;
   if (road.lines) return drawNetwork(pen, camera);
   for (const ramp of road.ramps) {
@@ -207,7 +210,7 @@ function drawNetwork(pen, camera) {
     }
   }
   pen.globalAlpha = 1;
-  pen.strokeStyle = "#4a4038";
+  pen.strokeStyle = colourOf("wall");
   pen.lineWidth = 3;
   for (const wall of road.walls) {
     pen.beginPath();
@@ -231,20 +234,20 @@ function drawVehicles(pen, camera) {
     outline(pen, bodyOf(camera, row));
     const state = data.truth.state[row];
     if (data.truth.ego[row] || state < HIDDEN) {
-      pen.fillStyle = data.truth.ego[row] ? "#000000" : STATE_COLOURS[state];
+      pen.fillStyle = colourOf(data.truth.ego[row] ? "black" : STATE_COLOURS[state]);
       pen.fill();
       if (data.truth.ego[row]) continue;
-      pen.strokeStyle = EDGES[state];
+      pen.strokeStyle = colourOf(EDGES[state]);
       pen.lineWidth = 1.2;
       pen.stroke();
     } else {
-      pen.strokeStyle = STATE_COLOURS[state];
+      pen.strokeStyle = colourOf(STATE_COLOURS[state]);
       pen.lineWidth = state === HIDDEN ? 2 : 1;
       pen.stroke();
     }
   }
   const ego = egoRow(view.step), [x, y] = camera.at(data.truth.lon[ego], data.truth.lat[ego]);
-  if (camera.scale > 5.5) write(pen, "ego", x, y + 4, "#ffffff", "", "11px");
+  if (camera.scale > 5.5) write(pen, "ego", [[x, y + 4]], "paper");
 }
 
 const isShown = (t, k) => !t.id || shown.tentative || t.state[k] !== TENTATIVE;
@@ -255,8 +258,8 @@ function drawTrails(pen, camera) {
   const paths = new Map();
   for (let step = Math.max(0, view.step - Math.round(TRAIL_S / stepS)); step <= view.step; step++) {
     if (data.episode[step] !== data.episode[view.step]) continue;
-    for (const [on, t, names, colour] of [[shown.vehicles, data.truth, data.truth.vehicle, TRAIL],
-      [shown.tracks, camera.data.tracks, camera.data.tracks.id, PURPLE]]) {
+    for (const [on, t, names, colour] of [[shown.vehicles, data.truth, data.truth.vehicle, colourOf("trail")],
+      [shown.tracks, camera.data.tracks, camera.data.tracks.id, colourOf("track")]]) {
       const [begin, end] = range(t, step);
       for (let k = begin; on && k < end; k++) {
         if (!isShown(t, k) || !isNear(camera, t, k)) continue;
@@ -281,7 +284,7 @@ function drawTrails(pen, camera) {
 function drawArrows(pen, camera) {
   const before = Math.max(0, view.step - Math.round(0.5 / stepS));
   const t = camera.data.tracks, [begin, end] = range(t, view.step);
-  pen.strokeStyle = PURPLE;
+  pen.strokeStyle = colourOf("track");
   pen.lineWidth = 1.2;
   for (let k = begin; k < end; k++) {
     const long = t.speed_mps[k] * ARROW_S * camera.scale;
@@ -311,7 +314,7 @@ function drawArrow(pen, x, y, turn, long) {
 function drawParticles(pen, camera) {
   const particles = camera.data.particles, [begin, end] = range(particles, view.step);
   const ego = egoRow(view.step), egoLon = data.truth.lon[ego], egoLat = data.truth.lat[ego];
-  pen.fillStyle = "#003a5c";
+  pen.fillStyle = colourOf("particle");
   for (let k = begin; k < end; k++) {
     const [x, y] = camera.at(egoLon + particles.away[k] / 10, egoLat + particles.lat[k] / 100);
     pen.fillRect(x - 1, y - 1, 2, 2);
@@ -320,7 +323,7 @@ function drawParticles(pen, camera) {
 
 function drawDetections(pen, camera) {
   const [begin, end] = range(data.detections, view.step), arm = 4;
-  pen.strokeStyle = "#000000";
+  pen.strokeStyle = colourOf("black");
   pen.lineWidth = 1.5;
   pen.beginPath();
   for (let k = begin; k < end; k++) {
@@ -331,27 +334,46 @@ function drawDetections(pen, camera) {
   pen.stroke();
 }
 
+/* The number of the track that is on the followed vehicle; -1 without one. */
+function ownTrack(camera) {
+  const row = rowOf(view.followed, view.step);
+  return row >= 0 ? camera.data.truth.track[row] : -1;
+}
+
+/* Half the axes of a track's ellipse in pixels, along the road and across. */
+const axesOf = (camera, t, k) => [t.std_lon[k], t.std_lat[k]].map((std) => Math.max(2, (ELLIPSE_SCALE * std * camera.scale) / 100));
+
 function drawTracks(pen, camera) {
-  const t = camera.data.tracks, [begin, end] = range(t, view.step);
-  const row = rowOf(view.followed, view.step), own = row >= 0 ? camera.data.truth.track[row] : -1;
+  const t = camera.data.tracks, [begin, end] = range(t, view.step), own = ownTrack(camera);
   for (let k = begin; k < end; k++) {
-    if (t.state[k] === TENTATIVE && !shown.tentative) continue;
-    if (Math.abs(t.lon[k] - camera.lon) > camera.reach + 10) continue;
-    const [x, y] = camera.at(t.lon[k], t.lat[k]), turn = camera.turn - road.heading(t.lon[k]);
-    const long = Math.max(2, (ELLIPSE_SCALE * t.std_lon[k] * camera.scale) / 100);
-    const wide = Math.max(2, (ELLIPSE_SCALE * t.std_lat[k] * camera.scale) / 100);
+    if (!isShown(t, k) || !isNear(camera, t, k)) continue;
+    const [x, y] = camera.at(t.lon[k], t.lat[k]), turn = camera.turn - road.heading(t.lon[k]), [long, wide] = axesOf(camera, t, k);
     pen.globalAlpha = t.state[k] === TENTATIVE ? 0.65 : 1;
-    pen.strokeStyle = PURPLE;
+    pen.strokeStyle = colourOf("track");
     pen.lineWidth = t.id[k] === own ? 3 : 1.6;
     pen.setLineDash(t.state[k] === TRACK_HIDDEN ? [5, 3] : []);
     pen.beginPath();
     pen.ellipse(x, y, long, wide, turn, 0, 2 * Math.PI);
     pen.stroke();
     pen.setLineDash([]);
-    if (shown.numbers && camera.scale > 4.5) {
-      write(pen, String(t.id[k]), x, y - Math.min(Math.max(wide, 1.0 * camera.scale), 2.2 * camera.scale) - 2, PURPLE);
-    }
     pen.globalAlpha = 1;
+  }
+}
+
+/* On which side of each track its number stood last, for each pane: it stays there as long as there is room. */
+const lastSides = [new Map(), new Map()];
+
+/* Numbers beside their tracks, that of the followed vehicle first; one without room is left out. */
+function numberTracks(pen, camera, side) {
+  const t = camera.data.tracks, [begin, end] = range(t, view.step), own = ownTrack(camera), sides = lastSides[side];
+  const rows = Array.from({ length: end - begin }, (_, k) => begin + k).filter((k) => isShown(t, k) && isNear(camera, t, k));
+  for (const k of rows.sort((a, b) => (t.id[b] === own) - (t.id[a] === own))) {
+    const [x, y] = camera.at(t.lon[k], t.lat[k]), [long, wide] = axesOf(camera, t, k), text = String(t.id[k]);
+    const up = Math.min(Math.max(wide, camera.scale), 2.2 * camera.scale) + 2;
+    const away = Math.min(Math.max(long, 2.3 * camera.scale), 4 * camera.scale) + 4 + 3.2 * text.length;
+    const spots = [[x, y - up], [x, y + up + 9], [x + away, y + 4], [x - away, y + 4]], last = sides.get(t.id[k]) || 0;
+    const order = [last, ...spots.keys()], taken = write(pen, text, order.map((spot) => spots[spot]), "track");
+    if (taken >= 0) sides.set(t.id[k], order[taken]);
   }
 }
 
@@ -359,13 +381,18 @@ function drawFollowed(pen, camera) {
   const row = rowOf(view.followed, view.step);
   if (row < 0) return;
   outline(pen, bodyOf(camera, row, 7 / camera.scale)); // a ring round the body leaves its colour to be seen
-  pen.strokeStyle = "#000000";
+  pen.strokeStyle = colourOf("black");
   pen.lineWidth = 2.5;
   pen.stroke();
+}
+
+function nameFollowed(pen, camera) {
+  const row = rowOf(view.followed, view.step);
+  if (row < 0) return;
   const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]), name = data.vehicles.names[view.followed];
   const away = 1.1 * camera.scale + 18, below = y + away < camera.height - 4;
   // Names of recordings may be longer than what they name is wide; the line below the picture has them in full.
-  write(pen, name.length > 16 ? `${name.slice(0, 8)}…` : name, x, below ? y + away : y - away - 8, "#000000", "bold ", "13px");
+  write(pen, name.length > 16 ? `${name.slice(0, 8)}…` : name, [[x, below ? y + away : y - away - 8]], "black", "bold 13px");
 }
 
 function drawScale(pen, camera) {
@@ -373,21 +400,32 @@ function drawScale(pen, camera) {
   pen.font = "12px system-ui, sans-serif";
   pen.textAlign = "left";
   const text = road.lines ? `${long} m, north is up` : `${long} m, driving direction →`;
-  pen.fillStyle = "rgba(255,255,255,0.9)"; // no line of the road or of a vehicle's way crosses the words
+  pen.fillStyle = colourOf("halo"); // no line of the road or of a vehicle's way crosses the words
   pen.fillRect(8, y - 18, Math.max(long * camera.scale, pen.measureText(text).width) + 8, 23);
-  pen.fillStyle = "#444444";
+  pen.fillStyle = colourOf("words");
   pen.fillRect(12, y, long * camera.scale, 2);
   pen.fillText(text, 12, y - 5);
 }
 
-function write(pen, text, x, y, colour, weight = "", size = "11px") {
-  pen.font = `${weight}${size} system-ui, sans-serif`;
+/* Where words stand in the pane that is drawn: left, right, top and bottom of each. */
+let written = [];
+
+/* Writes on the first of the spots, the middles of baselines, where no other words are, and returns which; -1 for none. */
+function write(pen, text, spots, colour, font = "11px") {
+  pen.font = `${font} system-ui, sans-serif`;
   pen.textAlign = "center";
-  if (colour !== "#ffffff") {
+  const half = pen.measureText(text).width / 2 + 1, boxOf = ([x, y]) => [x - half, x + half, y - 9, y + 2];
+  const isFree = (a) => written.every((b) => a[0] >= b[1] || b[0] >= a[1] || a[2] >= b[3] || b[2] >= a[3]);
+  const found = spots.findIndex((spot) => isFree(boxOf(spot)));
+  if (found < 0) return found;
+  const [x, y] = spots[found];
+  written.push(boxOf(spots[found]));
+  if (colour !== "paper") {
     pen.lineWidth = 3;
-    pen.strokeStyle = "rgba(255,255,255,0.9)";
+    pen.strokeStyle = colourOf("halo");
     pen.strokeText(text, x, y);
   }
-  pen.fillStyle = colour;
+  pen.fillStyle = colourOf(colour);
   pen.fillText(text, x, y);
+  return found;
 }
