@@ -29,7 +29,7 @@ HEAD, FOOT, GAP = 34, 34, 14
 INK = "#000000"
 # Fill and edge of vehicles.
 STYLES = {"visible": (GREEN, None), "partial": (ORANGE, None), "hidden": (None, VERMILION), "out": (None, "#9a9a9a")}
-LEGEND = {name: STYLES[state] for state, name in NAMES.items()} | {"ego": (INK, None), "shadow": (SHADOW, None)}
+LEGEND = {name: STYLES[state] for state, name in NAMES.items()} | {"ego": (INK, None), "hidden area": (SHADOW, None)}
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _draw_ellipse(draw: ImageDraw.ImageDraw, box: tuple[float, float, float, flo
 def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
     draw.text((10 * SMOOTH, 8 * SMOOTH), heading, fill="#222222", font=ImageFont.load_default(16 * SMOOTH))
     font, x, y = ImageFont.load_default(14 * SMOOTH), 10.0 * SMOOTH, SMOOTH * (HEIGHT - 24)
-    for name in (*LEGEND, "detection", "track, 95 % ellipse", "track held as hidden"):
+    for name in (*LEGEND, "detection", "track, 95 % ellipse", "track taken for hidden"):
         box = x, y, x + 22 * SMOOTH, y + 13 * SMOOTH
         if name in LEGEND:
             fill, edge = LEGEND[name]

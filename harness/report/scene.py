@@ -33,15 +33,13 @@ from mmpf.tracks import TENTATIVE, Tracks
 
 OUT_OF_SIGHT, SEEN_GROUND, SHADOW = "#efece6", "#ffffff", "#d9d9d9"
 VEHICLE_STYLES: dict[int, dict[str, Any]] = {
-    VISIBLE: {"facecolor": GREEN, "edgecolor": "none"},
-    PARTIAL: {"facecolor": ORANGE, "edgecolor": "none"},
-    HIDDEN: {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.3},
-    OUT: {"facecolor": "none", "edgecolor": "#9a9a9a", "linewidth": 0.8},
+    VISIBLE: {"facecolor": GREEN, "edgecolor": "none", "label": "vehicle: visible"},
+    PARTIAL: {"facecolor": ORANGE, "edgecolor": "none", "label": "vehicle: partly hidden"},
+    HIDDEN: {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 1.3, "label": "vehicle: hidden"},
+    OUT: {"facecolor": "none", "edgecolor": "#9a9a9a", "linewidth": 0.8, "label": "vehicle: out of range"},
 }
-VEHICLE_LABELS = {VISIBLE: "visible", PARTIAL: "partly hidden", HIDDEN: "hidden", OUT: "out of range"}
 WALL_STYLE: dict[str, Any] = {"color": "#4a4038", "lw": 2.0}
-UNCONFIRMED_ALPHA = 0.5
-MARGIN_M = 2.5
+MARGIN_M, NUMBER_POINTS = 2.5, 7.5
 BEARINGS = 720
 
 
@@ -74,14 +72,14 @@ def scene_figure(scene: PictureScene, title: str = "") -> Figure:
     low, high = _road_edges(scene)
     overlap, range_m = 8.0, scene.range_m
     windows = ((-overlap, range_m + MARGIN_M), (-range_m - MARGIN_M, overlap))
-    width_in = 13.0
+    width_in = 10.5
     strip_in = width_in * (high - low + 2 * MARGIN_M) / (range_m + overlap + MARGIN_M)
-    figure = Figure(figsize=(width_in, 2 * strip_in + 2.2), dpi=120, layout="constrained")
+    figure = Figure(figsize=(width_in, 2 * strip_in + 2.2), dpi=150, layout="constrained")
     for axes, window, name in zip(figure.subplots(2, 1), windows, ("ahead", "behind"), strict=True):
         draw_scene(axes, scene, window)
         axes.set_title(name, loc="left", fontsize=9, color="#555555", pad=3)
     figure.axes[0].set_xlabel("")
-    return _explained(figure, scene, title, 6)
+    return _explained(figure, scene, title, 5)
 
 
 def _plane_figure(scene: PictureScene, title: str) -> Figure:
@@ -125,15 +123,14 @@ def draw_scene(axes: Axes, scene: PictureScene, window: tuple[float, float]) -> 
 
 def legend_entries(with_particles: bool, with_walls: bool) -> list[Patch | Line2D]:
     """Return one entry for each kind of thing that ``draw_scene`` draws."""
-    entries: list[Patch | Line2D] = [Patch(facecolor="black", label="ego")]
-    entries += [Patch(label=f"vehicle: {VEHICLE_LABELS[state]}", **VEHICLE_STYLES[state]) for state in VEHICLE_LABELS]
+    entries: list[Patch | Line2D] = [Patch(facecolor="black", label="ego, has the sensor")]
+    entries += [Patch(**style) for style in VEHICLE_STYLES.values()]
     entries += [
-        Patch(facecolor=SHADOW, label="shadow"),
-        Patch(facecolor=OUT_OF_SIGHT, label="beyond the sensor"),
+        Patch(facecolor=SHADOW, label="hidden area"),
+        Patch(facecolor=OUT_OF_SIGHT, label="beyond the range"),
         Line2D([], [], ls="none", marker="x", color="black", ms=6, mew=1.2, label="detection"),
         Line2D([], [], color=PURPLE, lw=1.4, label="track, 95 % ellipse"),
-        Line2D([], [], color=PURPLE, lw=1.4, ls=(0, (3, 2)), label="track held as hidden"),
-        Line2D([], [], color=PURPLE, lw=1.4, alpha=UNCONFIRMED_ALPHA, label="unconfirmed track"),
+        Line2D([], [], color=PURPLE, lw=1.4, ls=(0, (3, 2)), label="track taken for hidden"),
     ]
     entries += [Line2D([], [], label="wall of a building", **WALL_STYLE)] if with_walls else []
     if with_particles:
@@ -251,16 +248,23 @@ def _name_vehicle(axes: Axes, scene: PictureScene) -> None:
 
 
 def _draw_tracks(axes: Axes, tracks: Tracks, origin: float, window: tuple[float, float]) -> None:
-    for i in range(len(tracks)):
+    """Draw the reported tracks, each with its number above or below it, where no other number stands."""
+    m_per_point = (window[1] - window[0]) / (72.0 * axes.figure.bbox.width / axes.figure.dpi)
+    written: list[tuple[float, float, float]] = []
+    for i in np.flatnonzero(tracks.state != TENTATIVE):
         x, y = tracks.lon_m[i] - origin, tracks.lat_m[i]
         if not window[0] <= x <= window[1]:
             continue
         style: Any = (0, (3, 2)) if tracks.state[i] == TRACK_HIDDEN else "solid"
-        alpha = UNCONFIRMED_ALPHA if tracks.state[i] == TENTATIVE else 1.0
         long, wide = (2.0 * ELLIPSE_SCALE * std_m[i] for std_m in (tracks.std_lon_m, tracks.std_lat_m))
-        axes.add_patch(Ellipse((x, y), long, wide, fc="none", ec=PURPLE, lw=1.4, ls=style, alpha=alpha, zorder=8))
-        above = x, y + min(max(1.0, 0.5 * wide), 1.6)
-        _write(axes, str(tracks.track_id[i]), above, 2.0, {"color": PURPLE, "size": 7.5, "va": "bottom"})
+        axes.add_patch(Ellipse((x, y), long, wide, fc="none", ec=PURPLE, lw=1.4, ls=style, zorder=8))
+        number, high = str(tracks.track_id[i]), NUMBER_POINTS * m_per_point
+        half, away = 0.32 * len(number) * high, min(max(1.0, 0.5 * wide), 1.6) + 0.5 * high
+        for place in ((x, y + away), (x, y - away)):
+            if all(abs(place[0] - u) >= half + other or abs(place[1] - v) >= high for u, v, other in written):
+                _write(axes, number, place, 2.0, {"color": PURPLE, "size": NUMBER_POINTS, "va": "center"})
+                written.append((*place, half))
+                break
 
 
 def _write(axes: Axes, text: str, place: tuple[float, float], halo: float, style: dict[str, Any]) -> None:

@@ -60,7 +60,7 @@ def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
     frame = jam()
     observation = observed(frame, road)
     tracks, particles = tracked(frame, observation, np.random.default_rng(0))
-    axes = Figure().subplots()
+    axes = Figure((20.0, 4.0)).subplots()  # wide enough for all numbers
     named = str(frame.vehicle_id[3])
     draw_scene(axes, PictureScene(frame, observation, tracks, road, 100.0, particles, named), (-102.5, 102.5))
     assert axes.get_aspect() == 1.0
@@ -80,8 +80,8 @@ def test_the_scene_is_drawn_to_scale_with_every_track_in_range(road):
 
 def test_every_kind_of_thing_is_in_the_legend_once():
     labels = [entry.get_label() for entry in legend_entries(with_particles=True, with_walls=True)]
-    assert len(labels) == len(set(labels)) == 13
-    assert len(legend_entries(with_particles=False, with_walls=False)) == 11
+    assert len(labels) == len(set(labels)) == 12
+    assert len(legend_entries(with_particles=False, with_walls=False)) == 10
 
 
 def test_the_figure_can_be_saved_without_tracks_or_particles_and_on_a_bend(road):
