@@ -9,7 +9,7 @@ are resampled with the particle, the filter learns each vehicle's driver while i
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, field, fields, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import ClassVar
@@ -53,7 +53,6 @@ FOLLOWED_WITHIN_S, WALKING_MPS = 4.0, 3.0
 # Peachtree Street (NGSIM, US DOT, in CommonRoad's clips; positions smoothed over 0.5 s as by Thiemann et al. 2008).
 FADES_IN_S = 2.2
 # Fourteen times the rates of the model that comes along, for unseen drivers and for those in sight.
-MOST_CHANGES_PER_S = 0.1, 1.0
 
 
 @dataclass(frozen=True)
@@ -292,13 +291,6 @@ def load_driver_model(path: Path) -> DriverModel:
     for name, size in sizes.items():
         if name not in arrays or arrays[name].shape != (size,):
             raise ModelFileError(f"model file {path}: {name} must be {size} numbers")
-        # Rates and deviations all of them, but for how much speed is desired per present acceleration.
-        free = [each.name for each in fields(FreeDriver)]
-        signed = [free.index("desired_per_accel_s")] if name == "free" else []
-        if (np.delete(arrays[name], signed) < 0.0).any():
-            raise ModelFileError(f"model file {path}: {name} holds a rate or deviation below 0, which none can be")
-    if (arrays["intention"] > MOST_CHANGES_PER_S).any():
-        raise ModelFileError(f"model file {path}: intention: no driver begins so many lane changes a second")
     return DriverModel(
         MixtureFollower(
             following=mixture_from_arrays(path, arrays, "following", (6, 1)),

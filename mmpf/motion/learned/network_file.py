@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mmpf.motion.gmm.model_file import ModelFileError, check_inputs, load_arrays, save_arrays
+from mmpf.motion.gmm.model_file import ModelFileError, load_arrays, save_arrays
 from mmpf.numerics.arrays import Float32Array
 
 
@@ -36,7 +36,4 @@ def read_network(
     for name, shape in shapes.items():
         if name not in arrays or arrays[name].shape != shape or not units:
             raise ModelFileError(f"model file {path}: {name} must have the shape {shape}, with at least one unit")
-    check_inputs(path, "", arrays)
-    if not 0.0 < arrays["lag"][0] <= 1.0:
-        raise ModelFileError(f"model file {path}: lag must be between 0 and 1")
     return {name: np.ascontiguousarray(arrays[name], dtype=np.float32) for name in shapes}

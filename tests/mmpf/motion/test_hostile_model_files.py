@@ -11,9 +11,8 @@ import pytest
 
 import mmpf
 from mmpf.motion.gmm.model_file import MOST_ARRAYS, ModelFileError, load_arrays
-from mmpf.motion.learned.driver import load_driver_model
 
-KEEPING = Path(mmpf.__file__).parent / "models" / "lane_keeping.npz"
+MODELS = sorted((Path(mmpf.__file__).parent / "models").glob("*.npz"))
 
 
 def header(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
@@ -58,25 +57,15 @@ def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
         load_arrays(tmp_path / "pipe", "test")
 
 
-@pytest.mark.parametrize(
-    ("name", "change", "words"),
-    [
-        ("following.output_scale", 1e300, "no driving has"),
-        ("following.input_low", 1e4, "input_low is above"),
-        ("following.output_scale", -1.0, "not positive"),
-        ("spread", -1.0, "below 0"),
-        ("free", -1.0, "below 0"),
-        ("lateral", -1.0, "below 0"),
-        ("intention", -1.0, "below 0"),
-        ("spread", 1e-300, "byte order"),
-    ],
-)
-def test_numbers_that_no_driving_has_are_refused(name, change, words, tmp_path):
-    with np.load(KEEPING) as stored:
-        arrays = {entry: stored[entry] for entry in stored.files}
-    path = tmp_path / "model.npz"
-    np.savez(path, **{**arrays, name: change * (np.abs(arrays[name]) + 1.0)})
-    with pytest.raises(ModelFileError, match=words):
-        load_driver_model(path)
-    np.savez(path, **arrays)
-    assert load_driver_model(path)
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_a_file_of_which_any_array_was_altered_renamed_or_left_out_is_refused(path, tmp_path):
+    with np.load(path) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    case = next(name.removeprefix("case.") for name in arrays if name.startswith("case."))
+    assert load_arrays(path, case).keys() == arrays.keys() - {"sha256"}
+    for name, values in arrays.items():
+        rest = {other: held for other, held in arrays.items() if other != name}
+        for changed in (rest, rest | {name: np.nextafter(values, 9.0)}, rest | {f"{name}2": values}):
+            np.savez(tmp_path / "own.npz", **changed)
+            with pytest.raises(ModelFileError, match=rf"own\.npz is not for {case}|own\.npz was altered"):
+                load_arrays(tmp_path / "own.npz", case)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from mmpf.motion.gmm.model_file import ModelFileError, committed_file, load_arrays, save_arrays
@@ -30,14 +29,10 @@ def test_what_does_not_brake_for_others_is_no_driver(name):
     [
         ("lane-keeping", load_learned_driver, "following.output_scale", lambda values: 100.0 * values, "no driver"),
         ("lane-keeping", load_learned_driver, "lateral", lambda values: 100.0 * values, "aside"),
-        ("lane-keeping", load_learned_driver, "intention", lambda values: 15.0 * values, "lane changes a second"),
-        ("lane-keeping", load_learned_driver, "following.weights", np.flip, "mean 0 and variance 1"),
-        ("lane-keeping", load_learned_driver, "habit.input_scale", lambda values: 100.0 * values, "habit.input_scale"),
         ("residual", residual_driver, "w3", lambda values: -10.0 * values, "no driver"),
-        ("residual", residual_driver, "mean", np.negative, "above mean"),
     ],
 )
-def test_a_file_whose_numbers_were_altered_is_refused(case, load, name, change, words, tmp_path):
+def test_a_file_whose_numbers_are_no_drivers_is_refused(case, load, name, change, words, tmp_path):
     with committed_file(case) as path:
         arrays = load_arrays(path, case)
     save_arrays(tmp_path / "own.npz", arrays | {name: change(arrays[name])})
