@@ -304,7 +304,8 @@ def check_scan(scan: Scan, previous_time_s: float | None, signals: int | None = 
     if not np.isfinite(scan.time_s):
         raise InvalidScanError(f"scan.time_s is {scan.time_s}, not a finite time")
     if previous_time_s is not None and scan.time_s - previous_time_s < SHORTEST_STEP_S:
-        raise InvalidScanError(f"scan.time_s is {scan.time_s}, less than 1 ms after the last scan's {previous_time_s}")
+        least = f"less than {SHORTEST_STEP_S:g} s after the last scan's {previous_time_s}"
+        raise InvalidScanError(f"scan.time_s is {scan.time_s}, {least}")
     for column in fields(scan.ego):
         if not np.isfinite(getattr(scan.ego, column.name)):
             raise InvalidScanError(f"scan.ego.{column.name} is not finite")

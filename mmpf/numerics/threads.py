@@ -26,8 +26,9 @@ def in_shares(work: Callable[[int, int], None], size: int, cost: float = 1.0, bl
         block: Shares begin at multiples of this: loops that work in blocks then meet the same blocks however many
             shares there are.
     """
-    shares = min(threads(), most) if (most := int(size * cost) // LEAST_SHARE) > 1 else 1
-    if shares <= 1:
+    worthwhile = int(size * cost) // LEAST_SHARE
+    shares = 1 if worthwhile < 2 else min(threads(), worthwhile)
+    if shares == 1:
         work(0, size)
         return
     bounds = [size * share // shares // block * block for share in range(shares)] + [size]
