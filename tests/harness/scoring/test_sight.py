@@ -20,10 +20,9 @@ def test_what_a_tracker_says_of_its_own_tracks_changes_no_score(state):
     assert score_run(truth, detections, said).metrics == score_run(truth, detections, confirmed).metrics
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_a_track_on_an_occluded_vehicle_is_false_to_no_tracker(state):
+def test_a_track_on_an_occluded_vehicle_is_false_to_no_tracker():
     scene = Scene(100).vehicle("a", lon=20.0, state=np.where(STEPS < 30, "visible", "hidden"), detected=STEPS < 30)
-    scene.track(7, lon=20.0, at=STEPS[2:], state=np.where(STEPS[2:] < 33, "confirmed", state))
+    scene.track(7, lon=20.0, at=STEPS[2:])
     scores = score_run(*scene.tables()).metrics
     # Vehicle and track go out of sight together, half a second after the last detection.
     assert scores["mot"]["truth_n"] == scores["mot"]["tracks_n"] == len(range(2, 35))
@@ -37,31 +36,28 @@ def test_a_track_on_an_occluded_vehicle_is_not_false_for_another_vehicles_detect
     assert (scores["mot"]["missed"], scores["mot"]["false_tracks"]) == (0, 0)
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_a_track_that_has_left_its_occluded_vehicle_is_false_until_half_a_second_after_the_last_detection(state):
+def test_a_track_that_has_left_its_occluded_vehicle_is_false_until_half_a_second_after_the_last_detection():
     scene = Scene(100).vehicle("a", lon=20.0, detected=STEPS < 30)
-    scene.track(7, lon=np.where(STEPS < 30, 20.0, 60.0), at=STEPS, state=state)
+    scene.track(7, lon=np.where(STEPS < 30, 20.0, 60.0), at=STEPS)
     scores = score_run(*scene.tables()).metrics
     assert scores["mot"]["missed"] == 5  # the vehicle stays in sight at steps 30 to 34
     assert scores["mot"]["false_tracks"] == 2 + 5  # it is not yet in sight at its first two detections
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_a_ghost_is_false_until_half_a_second_without_any_detection_near(state):
-    scene = Scene(100).track(8, lon=90.0, at=STEPS[10:], state=state)
+def test_a_ghost_is_false_until_half_a_second_without_any_detection_near():
+    scene = Scene(100).track(8, lon=90.0, at=STEPS[10:])
     assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == 6
     for away, false_tracks in ((3.9, 6 + 6), (4.1, 6)):
-        scene = Scene(100).clutter(at=[50], lon=90.0 + away).track(8, lon=90.0, at=STEPS[10:], state=state)
+        scene = Scene(100).clutter(at=[50], lon=90.0 + away).track(8, lon=90.0, at=STEPS[10:])
         assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == false_tracks
     for aside, false_tracks in ((1.9, 6 + 6), (2.1, 6)):
-        scene = Scene(100).clutter(at=[50], lon=90.0, lat=aside).track(8, lon=90.0, at=STEPS[10:], state=state)
+        scene = Scene(100).clutter(at=[50], lon=90.0, lat=aside).track(8, lon=90.0, at=STEPS[10:])
         assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == false_tracks
 
 
-@pytest.mark.parametrize("state", STATES)
-def test_a_duplicate_beside_a_seen_vehicle_is_false(state):
+def test_a_duplicate_beside_a_seen_vehicle_is_false():
     scene = Scene(100).vehicle("a", lon=20.0, detected=True).track(7, lon=20.0, at=STEPS[2:])
-    scores = score_run(*scene.track(8, lon=22.0, at=STEPS[2:], state=state).tables()).metrics
+    scores = score_run(*scene.track(8, lon=22.0, at=STEPS[2:]).tables()).metrics
     assert scores["mot"]["false_tracks"] == 98
 
 
