@@ -20,6 +20,7 @@ from harness.analysis.why import Why
 from harness.common.errors import InputError
 from harness.common.numbers import without_nan
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
+from harness.scoring.metrics.hidden_cost import COST, FALSE_HIDDEN
 from harness.storage.grid_folder import column_of
 from harness.storage.manifest import unproven
 from harness.storage.run_folder import COMPLETE
@@ -279,13 +280,14 @@ def _step_times(a: pd.DataFrame, b: pd.DataFrame) -> list[FloatArray]:
 
 
 def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
-    """Warn where the errors of hidden vehicles cover only those that a tracker kept."""
+    """Warn where hidden errors cover only vehicles that a tracker kept, and where guesses lower the hidden cost."""
     fallen = {(each.label, each.metric) for each in verdicts if each.ci95[1] < 0.0}
-    told = (
-        "errors of hidden vehicles are over those still followed; b follows fewer, so its smaller errors are no gain."
-    )
+    guessing = {each.label for each in verdicts if each.metric == FALSE_HIDDEN and each.ci95[0] > 0.0}
+    told = "hidden errors are over vehicles still followed; b follows fewer, so its smaller errors are no gain."
     smaller = {label for label, metric in fallen if metric in HIDDEN}
-    return [f"{label}: {told}" for label in sorted(smaller) if (label, single.FOLLOWED) in fallen]
+    guesses = "b's hidden cost is smaller, and it has more false hidden tracks: guesses lower this cost."
+    notes = [f"{label}: {told}" for label in sorted(smaller) if (label, single.FOLLOWED) in fallen]
+    return notes + [f"{label}: {guesses}" for label in sorted(guessing) if (label, COST) in fallen]
 
 
 def _some(names: list[str]) -> str:
