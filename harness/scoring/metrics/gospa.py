@@ -31,11 +31,6 @@ def measure_in_sight(evidence: Evidence) -> FloatArray:
     return _parts(evidence.in_sight, CUTOFF_M, ORDER)
 
 
-def gospa_in_sight(parts: Sequence[FloatArray], _: np.random.Generator) -> dict[str, float]:
-    """Return the scores over vehicles in sight; see ``gospa``."""
-    return _means(joined(parts, axis=1), ORDER)
-
-
 def measure_remembered(evidence: Evidence) -> FloatArray:
     """Return localisation, missed and false of all vehicles once seen at each step, shape (3, steps).
 
@@ -51,9 +46,9 @@ def measure_remembered(evidence: Evidence) -> FloatArray:
     return np.array([localisation, missed, false], dtype=np.float64)
 
 
-def gospa_remembered(parts: Sequence[FloatArray], _: np.random.Generator) -> dict[str, float]:
-    """Return the scores over all vehicles once seen, hidden ones too, and all reported tracks; see ``gospa``."""
-    return _means(joined(parts, axis=1), 1.0)
+def gospa_of_steps(parts: Sequence[FloatArray], _: np.random.Generator) -> dict[str, float]:
+    """Return the scores over vehicles in sight, or over all once seen and all reported tracks; see ``gospa``."""
+    return _means(joined(parts, axis=1), ORDER)
 
 
 def gospa(sequence: MotSequence, cutoff_m: float, order: float) -> dict[str, float]:

@@ -83,8 +83,8 @@ register("hidden", *hidden_cost.QUANTITIES)(InParts(hidden_cost.measure_hidden, 
 register("mae", *mae.QUANTITIES)(InParts(mae.measure_errors, mae.mean_errors_by_visibility))
 register("mot", *mot.IN_SIGHT)(InParts(mot.measure_in_sight, mot.multi_object_scores))
 register("mot_all", *mot.REMEMBERED)(InParts(mot.measure_remembered, mot.multi_object_scores))
-register("gospa", *gospa.IN_SIGHT)(InParts(gospa.measure_in_sight, gospa.gospa_in_sight))
-register("gospa_remembered", *gospa.REMEMBERED)(InParts(gospa.measure_remembered, gospa.gospa_remembered))
+register("gospa", *gospa.IN_SIGHT)(InParts(gospa.measure_in_sight, gospa.gospa_of_steps))
+register("gospa_remembered", *gospa.REMEMBERED)(InParts(gospa.measure_remembered, gospa.gospa_of_steps))
 register("occlusion", *occlusion.QUANTITIES)(InParts(occlusion.measure_events, occlusion.occlusion_outcomes))
 register(in_plain_view.NAME, *in_plain_view.QUANTITIES)(
     InParts(in_plain_view.measure_plain_view, in_plain_view.scores_in_plain_view)
