@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import shlex
-import sys
 
 import typer
 
 from harness.closedloop.options import DriveOptions
+from harness.commands.from_options import typed
 from harness.common.errors import RunError
 from harness.config import options as shared
 
@@ -45,7 +44,7 @@ def command(options: Options) -> None:
     from harness.commands.actions.make_drives import make_drives, tell  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
-    finished = make_drives(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
+    finished = make_drives(options, typed(), quiet)
     if not quiet:
         tell(finished)
     if as_json:

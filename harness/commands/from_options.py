@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import shlex
+import sys
 from collections.abc import Callable, Sequence
 from operator import getitem
+from pathlib import Path
 from typing import Annotated, Any, cast, get_type_hints
 
 import typer
@@ -45,6 +48,12 @@ def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> li
         if word in alone and after.startswith("-"):
             completed.append(str(alone[word]))
     return completed
+
+
+def typed() -> str:
+    """Return the command of this process, as it is typed."""
+    by_name = Path(sys.argv[0]).name == "mmpf-harness"
+    return shlex.join([*(("mmpf-harness",) if by_name else ("python", "-m", "harness")), *sys.argv[1:]])
 
 
 def _entries(command: Callable[..., Outcome]) -> dict[str, Declared]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-import shlex
-import sys
 
 import typer
 
+from harness.commands.from_options import typed
 from harness.common.streams import streams_and_depth_kept
 from harness.config import options as shared
 from harness.config.options import RunOptions
@@ -43,7 +42,7 @@ def command(options: Options) -> None:
     as_json, quiet = options.pop("json"), options.pop("quiet")
     with streams_and_depth_kept():
         os.dup2(2, 1)  # what libraries, SUMO's C++ among them, print on stdout goes to stderr
-        finished = make_run(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
+        finished = make_run(options, typed(), quiet)
     if not quiet:
         from harness.report.summary import print_summary  # noqa: PLC0415
 

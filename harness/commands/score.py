@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from harness.commands.from_options import typed
 from harness.common.numbers import as_json as text_of
 from harness.common.progress import working
 from harness.config import options as shared
@@ -41,7 +40,7 @@ def command(options: Options) -> None:
       python -m harness score --truth truth.parquet --tracks log.mcap:/tracks
     """
     as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
-    command_line = shlex.join(["harness", *sys.argv[1:]])
+    command_line = typed()
     with working("scoring", quiet):
         folder, metrics, report, left_out = score_logs(options, out, force, command_line, write_page)
     if left_out or not quiet:

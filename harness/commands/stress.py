@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import shlex
 import sys
 
 import typer
 
+from harness.commands.from_options import typed
 from harness.common.errors import RunError
 from harness.config import options as shared
 from harness.grid.options import GridOptions
@@ -55,7 +55,7 @@ def command(options: Options) -> None:
     from harness.api import make_grid  # noqa: PLC0415
 
     as_json, quiet = options.pop("json"), options.pop("quiet")
-    finished = make_grid(options, shlex.join(["harness", *sys.argv[1:]]), quiet)
+    finished = make_grid(options, typed(), quiet)
     if not quiet and (finished.summary["grid"]["replay"] or finished.summary["grid"]["mismatch"]):
         from harness.common.markdown import show_markdown  # noqa: PLC0415
 

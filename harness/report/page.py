@@ -151,10 +151,10 @@ def embedded(picture: Path) -> str:
 
 
 def _facts(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
-    machine, command = manifest["machine"], manifest["command"]
+    machine = manifest["machine"]
     versions = ", ".join(f"{name} {number}" for name, number in manifest["versions"].items() if number)
     facts = {
-        "command": ("python -m " if command.startswith(("harness run ", "harness score ")) else "") + command,
+        "command": manifest["command"],
         "versions": versions,
         "source revision": manifest["git_revision"],
         "machine": f"{machine['system']}, {machine['processor']}, {machine['cores']} cores",

@@ -30,7 +30,7 @@ class RunFacts:
 
     Attributes:
         status: ``complete``, ``interrupted`` or ``failed``; ``problem`` is what ended it, if not itself.
-        command: What the user typed.
+        command: What was typed, or what makes the same.
         steps: Finished steps; of a grid, finished runs.
         inputs: SHA-256 of each input file.
         rows: Rows of each of the run's tables, by file.
