@@ -155,7 +155,7 @@ class Registry(Generic[T]):
                 raise
             what = entry.needs or missing
             raise PartMissingError(
-                f"{name} needs {what}, which is not installed: pip install '.[{entry.extra}]'"
+                f"{name} needs {what}, which is not installed: pip install -c constraints.txt '.[{entry.extra}]'"
             ) from None
 
     def _loaded(self, point: EntryPoint) -> T:

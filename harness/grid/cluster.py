@@ -31,7 +31,7 @@ def connect(address: str) -> Client:
     try:
         distributed: Any = import_module("distributed")
     except ImportError:
-        raise InputError(f"`{PARAMETER}` needs Dask, which is not installed: pip install '.[cluster]'") from None
+        raise InputError(f"`{PARAMETER}` needs Dask: pip install -c constraints.txt '.[cluster]'") from None
     # Its log repeats with tracebacks what is told in one line here.
     for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
         logging.getLogger(name).setLevel(logging.CRITICAL)

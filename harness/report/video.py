@@ -40,4 +40,4 @@ def check_film(path: Path, force: bool) -> None:
     if path.exists() and not force:
         raise InputError(f"`video`: {path} exists; choose another file or add `force` to replace it")
     if importlib.util.find_spec("imageio_ffmpeg") is None:
-        raise InputError("`video`: needs imageio-ffmpeg; install it with: pip install '.[video]'")
+        raise InputError("`video`: needs imageio-ffmpeg; install it with: pip install -c constraints.txt '.[video]'")

@@ -36,7 +36,7 @@ def test_nothing_is_imported_before_it_is_asked_for(things: Registry[object]) ->
 def test_a_part_that_is_not_installed_is_named_with_its_installation(
     things: Registry[object], name: str, what: str
 ) -> None:
-    with pytest.raises(PartMissingError, match=rf"^{name} needs {what}, .*: pip install '\.\[some\]'$"):
+    with pytest.raises(PartMissingError, match=rf"^{name} needs {what}, .*-c constraints.txt '\.\[some\]'$"):
         things[name]
     with pytest.raises(ModuleNotFoundError, match="no_such_package"):
         things["bare"]

@@ -122,7 +122,7 @@ def compiled_score(
     try:
         import jax  # noqa: PLC0415  an extra that only this fit needs
     except ImportError as error:
-        raise InputError("`case` recurrent: JAX is not installed; pip install 'mmpf-harness[deep]'") from error
+        raise InputError("`case` recurrent: JAX is not installed: pip install -c constraints.txt '.[deep]'") from error
     jnp = jax.numpy
     lows, highs, means, scales = (np.asarray(part)[:, None] for part in (low, high, mean, scale))
     lasts = np.exp(-DT / np.array(TIME_SCALES_S))[:, None].astype(np.float32)

@@ -162,7 +162,7 @@ def search(
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "optuna":
             raise
-        raise InputError("tuning needs Optuna, which is not installed: pip install '.[tuning]'") from None
+        raise InputError("tuning needs Optuna: pip install -c constraints.txt '.[tuning]'") from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
 
     def tried(trial: Any) -> float:  # noqa: ANN401

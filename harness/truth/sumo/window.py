@@ -34,7 +34,7 @@ SHOWN_AROUND_EGO_M = 60.0
 # SUMO indents the further lines of a message.
 FIRST_ERROR = re.compile(r"^Error: (.*(?:\n .*)*)", re.MULTILINE)
 LOG, STDERR = "errors.log", "stderr"
-INSTALL = "pip install '.[networks]'"
+INSTALL = "pip install -c constraints.txt '.[networks]'"
 
 
 def check_window() -> Path:

@@ -12,6 +12,7 @@ import pytest
 
 from harness.commands import app
 from harness.commands.app import other_checkout, run_command_line
+from harness.commands.from_options import typed
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
@@ -178,3 +179,11 @@ def test_an_end_from_outside_leaves_a_readable_folder_that_says_so(end, code, tm
     assert manifest["status"] == "interrupted"
     assert steps["truth"] == steps["tracks"] == manifest["steps"] - 1 >= 10
     assert not (tmp_path / "run.incomplete" / "metrics.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("program", "typed_as"), [("there/harness/__main__.py", "python -m harness"), ("bin/mmpf-harness", "mmpf-harness")]
+)
+def test_a_command_is_recorded_as_it_is_typed(monkeypatch, program, typed_as):
+    monkeypatch.setattr("sys.argv", [program, "run", "--out", "my run"])
+    assert typed() == f"{typed_as} run --out 'my run'"

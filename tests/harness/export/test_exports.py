@@ -418,7 +418,7 @@ def test_a_format_whose_extra_is_missing_names_it(name, package, extra, folder, 
         if module != "harness.export.formats":
             monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=rf"^`to`: {name} needs {package}.*pip install '\.\[{extra}\]'"):
+    with pytest.raises(InputError, match=rf"^`to`: {name} needs {package}.*-c constraints.txt '\.\[{extra}\]'"):
         export_run(folder, name)
 
 

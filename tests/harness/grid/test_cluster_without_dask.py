@@ -86,4 +86,4 @@ def test_without_dask_it_is_told_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError) as caught:
         connect("tcp://h:1")
-    assert str(caught.value) == "`scheduler` needs Dask, which is not installed: pip install '.[cluster]'"
+    assert str(caught.value) == "`scheduler` needs Dask: pip install -c constraints.txt '.[cluster]'"

@@ -112,7 +112,7 @@ def test_a_name_or_option_that_there_is_not_is_answered_with_those_that_there_ar
 def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delitem(sys.modules, "harness.trackers.stonesoup.trackers", raising=False)
     monkeypatch.setitem(sys.modules, "stonesoup.dataassociator.neighbour", None)
-    with pytest.raises(InputError, match=r"pip install '\.\[baselines\]'"):
+    with pytest.raises(InputError, match=r"pip install -c constraints.txt '\.\[baselines\]'"):
         build_tracker("stonesoup-gnn", setting(), {})
 
 

@@ -21,7 +21,7 @@ HAS_JAX = find_spec("jax") is not None
 
 @pytest.mark.skipif(HAS_JAX, reason="JAX is installed")
 def test_without_jax_the_fit_says_what_to_install():
-    with pytest.raises(InputError, match=r"pip install 'mmpf-harness\[deep\]'"):
+    with pytest.raises(InputError, match=r"pip install -c constraints.txt '\.\[deep\]'"):
         fit_recurrent(windows(20, np.random.default_rng(0)), 0, lambda line: None, iterations=1)
 
 
