@@ -37,7 +37,7 @@ class Judgement:
         verdicts: One for each tracker and metric.
         notes: What a reader must know beside.
         units: What the independent units of the verdicts are, in the plural.
-        wanting: What is missing beside single metrics' values, a sentence each: b may not pass without it.
+        wanting: What b may not pass for beside single metrics, such as missing runs, a sentence each.
         why: What the failures of two single runs come from; None of grids.
         differing: Settings, code and models that differ, in words.
         paired: How many runs of each side the verdicts rest on, in words.
@@ -186,6 +186,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
             "The time of a step is not judged: it is comparable only between trackers of one and the same stress test."
         )
     told += _survivor_notes(verdicts)
+    wanting += _guesses(verdicts)
     paired = f"Compared: {compared} of the {len(a.rows)} runs of a with {compared} of the {len(b.rows)} runs of b."
     return Judgement(a.name, b.name, verdicts, tuple(told), rules, units, tuple(wanting), None, differs, paired)
 
@@ -280,14 +281,21 @@ def _step_times(a: pd.DataFrame, b: pd.DataFrame) -> list[FloatArray]:
 
 
 def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
-    """Warn where hidden errors cover only vehicles that a tracker kept, and where guesses lower the hidden cost."""
+    """Warn where the errors of hidden vehicles cover only those that a tracker kept."""
     fallen = {(each.label, each.metric) for each in verdicts if each.ci95[1] < 0.0}
-    guessing = {each.label for each in verdicts if each.metric == FALSE_HIDDEN and each.ci95[0] > 0.0}
     told = "hidden errors are over vehicles still followed; b follows fewer, so its smaller errors are no gain."
     smaller = {label for label, metric in fallen if metric in HIDDEN}
-    guesses = "b's hidden cost is smaller, and it has more false hidden tracks: guesses lower this cost."
-    notes = [f"{label}: {told}" for label in sorted(smaller) if (label, single.FOLLOWED) in fallen]
-    return notes + [f"{label}: {guesses}" for label in sorted(guessing) if (label, COST) in fallen]
+    return [f"{label}: {told}" for label in sorted(smaller) if (label, single.FOLLOWED) in fallen]
+
+
+def _guesses(verdicts: tuple[Verdict, ...]) -> list[str]:
+    """Return where the hidden cost, which is judged, falls while false hidden tracks, which are not, increase."""
+    fallen = {each.label for each in verdicts if each.metric == COST and each.primary and each.ci95[1] < 0.0}
+    more = [
+        each for each in verdicts if each.metric == FALSE_HIDDEN and not each.primary and each.ci95[0] > each.margin
+    ]
+    told = "b's hidden cost is smaller, and it has more false hidden tracks: guesses lower this cost."
+    return [f"{each.label}: {told}" for each in more if each.label in fallen]
 
 
 def _some(names: list[str]) -> str:
