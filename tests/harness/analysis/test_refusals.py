@@ -160,8 +160,7 @@ def test_smaller_errors_over_fewer_followed_vehicles_are_warned_of(followed, err
     shrunk = {"hidden_outcomes.tracked_percent": followed, "mae.hidden.speed_mps": error}
     less = both.assign(**{key: both[key] * factor for key, factor in shrunk.items()})
     less = pd.concat([less[less["label"] == "x"], both[both["label"] == "y"]])
-    note = "x: errors of hidden vehicles are over those still followed; b follows fewer, so its smaller errors are "
-    note += "no gain."
+    note = "x: hidden errors are over vehicles still followed; b follows fewer, so its smaller errors are no gain."
     assert (note in compare(source("a", both), source("b", less)).notes) == warned
 
 
