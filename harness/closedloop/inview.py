@@ -10,14 +10,13 @@ from harness.closedloop.sight import SEEN_EVERY, visible_fraction
 from harness.closedloop.traffic import LiveTraffic
 from harness.config.sensor import SensorSettings
 from harness.decisions.belief import Belief
+from harness.sensor.detector import own_shadows
 from harness.sensor.observation import Observation, Sensor
-from harness.sensor.shadows import free_space
 from harness.truth.frame import Frame
 from harness.truth.sumo.brokendown import placed
 from harness.truth.sumo.fill import Placement
 from harness.truth.sumo.population import Vehicle
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import taken
 from mmpf.scan import SensorModel
 
 CHANGES_LANE_MPS = 0.2
@@ -111,12 +110,6 @@ class SeldomDetected:
         kept = ~(missed & (seen.truth_id == self.vehicle))
         if kept.all():
             return seen
-        detections = taken(seen.scan.detections, kept)
-        view_rad = np.deg2rad(self.settings.field_of_view_deg)
-        free = free_space(detections, seen.scan.ego, road, self.settings.range_m, view_rad)
-        return replace(
-            seen,
-            scan=replace(seen.scan, detections=detections, free_space=free),
-            truth_id=seen.truth_id[kept],
-            detection_visible_fraction=seen.detection_visible_fraction[kept],
-        )
+        seen = seen.with_detections(np.flatnonzero(kept))
+        free = own_shadows(self.settings, seen.scan.detections, seen.scan.ego, road)
+        return replace(seen, scan=replace(seen.scan, free_space=free))

@@ -37,6 +37,10 @@ class Others:
         """Whether there is a vehicle."""
         return np.asarray(np.isfinite(self.gap_m))
 
+    def at(self, place: int) -> Others:
+        """Return those at one of k places, arrays of shape (n,)."""
+        return Others(self.gap_m[:, place], self.speed_mps[:, place], self.body[:, place])
+
 
 @dataclass(frozen=True)
 class Beside:
@@ -81,7 +85,7 @@ class Belief:
     @property
     def leader(self) -> Others:
         """The nearest vehicle ahead in the ego's lane, arrays of shape (n,)."""
-        return Others(self.leaders.gap_m[:, 0], self.leaders.speed_mps[:, 0], self.leaders.body[:, 0])
+        return self.leaders.at(0)
 
     def without(self, place: int) -> Belief:
         """Return the belief without the vehicle at one place ahead; those beyond stay where they are."""
@@ -105,7 +109,7 @@ def believe(bodies: Bodies, egos: Egos, road: Road) -> Belief:
         length_m=egos.length_m,
         speed_limit_mps=road.speed_limit_of(egos.lane),
         leaders=_nearest(own, in_lane, egos, bodies, LEADERS),
-        follower=_one(_nearest(own, in_lane, egos, bodies, 1, ahead=False)),
+        follower=_nearest(own, in_lane, egos, bodies, 1, ahead=False).at(0),
         left=_beside(left, egos, bodies),
         right=_beside(right, egos, bodies),
     )
@@ -114,12 +118,8 @@ def believe(bodies: Bodies, egos: Egos, road: Road) -> Belief:
 def _beside(view: LaneView, egos: Egos, bodies: Bodies) -> Beside:
     at = bodies.step
     in_lane = view.exists[at] & (np.abs(view.across_m) <= view.half_width_m[at])
-    sides = (_one(_nearest(view, in_lane, egos, bodies, 1, ahead)) for ahead in (True, False))
+    sides = (_nearest(view, in_lane, egos, bodies, 1, ahead).at(0) for ahead in (True, False))
     return Beside(view.exists, *sides)
-
-
-def _one(others: Others) -> Others:
-    return Others(others.gap_m[:, 0], others.speed_mps[:, 0], others.body[:, 0])
 
 
 def _nearest(view: LaneView, in_lane: BoolArray, egos: Egos, bodies: Bodies, count: int, ahead: bool = True) -> Others:

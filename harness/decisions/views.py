@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 
 import numpy as np
@@ -90,10 +90,7 @@ def _(road: CorridorRoad, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneVie
 
     left, right = (_beside(own, egos.lon_m, road.lanes, to_left) for to_left in (True, False))
     own_view, *sides = (view(index) for index in (own, left, right))
-    beside = [
-        LaneView(index >= 0, side.half_width_m, side.ego_across_m, side.along_m, side.across_m, side.speed_mps)
-        for index, side in zip((left, right), sides, strict=True)
-    ]
+    beside = [replace(side, exists=index >= 0) for index, side in zip((left, right), sides, strict=True)]
     return own_view, beside[0], beside[1]
 
 

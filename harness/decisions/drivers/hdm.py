@@ -12,14 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.decisions.belief import LEADERS, Belief, Others
-from harness.decisions.drivers.following import (
-    PARAMETERS,
-    desired_speeds,
-    free_acceleration,
-    interaction,
-    safe_gap,
-)
+from harness.decisions.belief import LEADERS, Belief
+from harness.decisions.drivers.following import PARAMETERS, desired_speeds, free_acceleration, interaction, safe_gap
 from harness.decisions.drivers.protocol import Command
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2
 
@@ -39,9 +33,7 @@ class HumanDriver:
             standstill_gap_m=PARAMETERS.standstill_gap_m / spread,
         )
         accel = free_acceleration(belief.speed_mps, desired_speeds(belief), PARAMETERS)
-        ahead = belief.leaders
         for j in range(self.leaders):
-            other = Others(ahead.gap_m[:, j], ahead.speed_mps[:, j], ahead.body[:, j])
-            accel = accel - interaction(belief.speed_mps, other, parameters)
+            accel = accel - interaction(belief.speed_mps, belief.leaders.at(j), parameters)
         accel = np.maximum(accel, -HARDEST_BRAKING_MPS2)
         return Command(accel, safe_gap(belief, belief.left), safe_gap(belief, belief.right))

@@ -55,10 +55,10 @@ def beside(line: FloatArray, other: FloatArray, shares: FloatArray) -> tuple[Flo
     return np.hypot(*away.T), left
 
 
-def grid_origin(low_xy: FloatArray, grid_m: float = 1000.0) -> FloatArray:
-    """Return the whole kilometres below a place, from where places are counted shape (2,)."""
+def grid_origin(low_xy: FloatArray) -> FloatArray:
+    """Return the whole kilometres below a place, from where places are counted, shape (2,), metres."""
     # Adding zero turns -0.0 into 0.0.
-    return np.asarray(np.floor(low_xy / grid_m) * grid_m + 0.0)
+    return np.asarray(np.floor(low_xy / 1000.0) * 1000.0 + 0.0)
 
 
 def followers(name: str, index: Mapping[str, int], after: Callable[[str], Iterable[str]]) -> list[int]:
