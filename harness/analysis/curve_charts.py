@@ -21,7 +21,10 @@ from harness.analysis.tables import AXIS_LABELS
 from harness.common.charts import Charts, curves, lines_of
 from harness.scoring.metrics.quantity import Quantity
 
-NOTE = "Means over seeds with 95 % intervals. MAE is the mean absolute error, HOTA a score of detection and identity."
+NOTE = (
+    "Means over seeds with 95 % intervals. MAE is the mean absolute error, HOTA a score of detection and identity, and "
+    "hidden cost the mean position error of hidden vehicles, 10 m for one without a track."
+)
 HINT = "Point at a value to read it, click it to go to its runs; a click on a name shows its line alone."
 
 Where = tuple[str, str, float | str]

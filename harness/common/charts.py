@@ -135,7 +135,7 @@ def curves(
     mean, low = {**y, "field": "mean"}, {**y, "field": "low"}
     dashes = [DASHES[place // len(SERIES) % len(DASHES)] for place in range(len(lines))]
     dash: Spec = {"field": "series", "type": "nominal", "scale": {"domain": names, "range": dashes}, "legend": None}
-    layers = [*_marked(marks), *_limited(limit, y)]
+    layers = _marked(marks)
     if any(row.get("low") is not None for row in rows):
         mark: Spec = {"type": "rule", "strokeWidth": 1.6} if in_words else {"type": "area", "tooltip": None}
         opacity = strength("series", 1.0 if in_words else 0.16)
@@ -146,6 +146,7 @@ def curves(
         layers.append({"mark": {"type": "line", "strokeWidth": 2}, "encoding": line})
     dot = {**common, "y": mean, "opacity": strength("series")}
     layers.append({"mark": {"type": "point", "filled": True, "size": 40}, "encoding": dot})
+    layers += _limited(limit, y)
     hit: Spec = {"type": "point", "filled": True, "size": HIT_AREA, "opacity": 0, "cursor": "pointer"}
     layers.append({"mark": hit, "encoding": {**common, "y": mean, "tooltip": tooltip_of(*tooltip)}})
     return Chart(title, description, spec_of(description, rows, layers), better)

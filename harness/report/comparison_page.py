@@ -51,7 +51,7 @@ def comparison_page(comparison: Judgement) -> str:
     effects = comparison_charts(comparison)
     charts = {"Differences": effects} if effects is not None else {}
     if comparison.why is None or both is None:
-        return text_page(as_markdown(comparison), charts)
+        return text_page(as_markdown(comparison), charts, f"{comparison.b} (b) is compared with {comparison.a} (a).")
     why, text = comparison.why, as_markdown(comparison, with_replay=True)
     a, b = both
     marks = differences(a, b, (why.a, why.b))
@@ -178,7 +178,8 @@ NOTE = (
     "How much better (right) or worse (left) b is than a, in percent of a's value, with 95 % intervals. The grey band "
     "is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. Beyond {:g} %, "
     "the scale is logarithmic. A dot without a line has no interval. MAE is the mean absolute error; HOTA and IDF1 are "
-    "scores of detection and identity together."
+    "scores of detection and identity together; hidden cost is the mean position error of hidden vehicles, 10 m for "
+    "one without a track."
 )
 NOT_DRAWN = " Not shown, because a is 0: {}."
 HINT = "Point at a value to read it in its own unit."

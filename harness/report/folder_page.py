@@ -77,12 +77,12 @@ def folder_page(folder: Path) -> str:
     )
 
 
-def text_page(text: str, charts: Mapping[str, Charts] | None = None) -> str:
-    """Return a page that holds a Markdown text, for example that of a comparison, below charts with their headings."""
+def text_page(text: str, charts: Mapping[str, Charts] | None = None, about: str = "") -> str:
+    """Return a page that holds a Markdown text, for example that of a comparison, below what it is about and charts."""
     title, charts = title_of([text]) or "Results", charts or {}
     nothing: dict[str, Any] = {"figures": [], "tables": {}, "documents": {}, "runs": None, "verdicts": ""}
     parts = chart_parts(list(charts.values()))
-    return render("folder.html.j2", title=title, text=as_html(text), charts=charts, **nothing, **parts)
+    return render("folder.html.j2", title=title, text=as_html(text), charts=charts, about=about, **nothing, **parts)
 
 
 def _pictures(folder: Path) -> Iterable[Path]:

@@ -18,9 +18,9 @@ from mmpf.numerics.arrays import FloatArray
 NAMES = {"visible": "visible", "partial": "partly hidden", "hidden": "hidden"}
 LINES = tuple((name, f"var(--{state})") for state, name in NAMES.items())
 ERROR_COLUMNS = (
-    ("lon_error_m", "lon_m", "longitudinal position, m"),
-    ("lat_error_m", "lat_m", "lateral position, m"),
-    ("speed_error_mps", "speed_mps", "speed, m/s"),
+    ("lon_error_m", "lon_m", "longitudinal error, m"),
+    ("lat_error_m", "lat_m", "lateral error, m"),
+    ("speed_error_mps", "speed_mps", "speed error, m/s"),
 )
 OVER_TIME, BY_VISIBILITY, DIAGNOSTICS = "error_over_time.png", "error_by_visibility.png", "diagnostics.png"
 """Files of the pictures in a run's folder."""
@@ -46,7 +46,7 @@ def error_charts(errors: pd.DataFrame) -> Charts:
     for column, _, label in ERROR_COLUMNS:
         rows = [row for state in NAMES for row in _over_time(tracked, state, column, width_s)]
         tooltip = (("series", "vehicles"), ("stretch", "time"), ("value", label), ("n", "samples"))
-        description = f"Mean absolute error of {label}, over time, for visible, partly hidden and hidden vehicles"
+        description = f"Mean absolute {label}, over time, for visible, partly hidden and hidden vehicles"
         if rows:
             charts.append(curves(label, description, "time, s", rows, LINES, tooltip, marks=_new_egos(errors)))
     note = f"Mean absolute error while followed, in stretches of {width_s:g} s."
@@ -60,7 +60,7 @@ def visibility_charts(mae: Mapping[str, Any]) -> Charts:
         rows = [_state(state, mae[state], key) for state in NAMES if (mae.get(state) or {}).get(key) is not None]
         interval = ("interval", "95 % interval over vehicles")
         tooltip = (("series", "vehicles"), ("value", label), interval, ("followed", "followed"), ("n", "samples"))
-        description = f"Mean absolute error of {label}, for visible, partly hidden and hidden vehicles"
+        description = f"Mean absolute {label}, for visible, partly hidden and hidden vehicles"
         if rows:
             charts.append(curves(label, description, "vehicles", rows, LINES, tooltip))
     return Charts(tuple(charts), note="Mean absolute error while followed, with 95 % intervals over vehicles.")
