@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
 from mmpf.motion.protocol import (
     MotionModel,
     Surroundings,
@@ -23,12 +23,11 @@ from mmpf.motion.protocol import (
     step_in_place,
     without_limits,
 )
-from mmpf.motion.state import ACCEL, LON, SPEED, STATE_SIZE
+from mmpf.motion.state import ACCEL, LON, SPEED
 from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun, rows_tried
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 
-MOVED = (LON, SPEED, ACCEL)
 GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)
 
 HOLDS = -1
@@ -91,16 +90,10 @@ class Manoeuvring:
         # Evenly spread, particle after particle: those of one vehicle leave no wide gap between what they try.
         even = (rng.random() + GOLDEN_RATIO * np.arange(len(begun))) % 1.0
         holding = np.concatenate([held, begun])
-        before = np.empty((STATE_SIZE, len(holding)))
-        for row in MOVED:
-            before[row] = state[row].take(holding)
-        accel = before[ACCEL].copy()
+        accel = state[ACCEL].take(holding)
         accel[len(held) :] += self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, out=accel)
-        after = np.empty_like(before)
-        move_along(before, after, accel, np.zeros_like(accel), dt_s)
-        for row in MOVED:
-            moved[row][holding] = after[row]
+        _hold(holding, accel, state, moved, dt_s)
         return moved
 
     def log_prior_over_tried(
@@ -135,3 +128,14 @@ def _choose(
     for n in begun[:begin]:
         holds[n] = 1.0
     return held[:goes_on], begun[:begin]
+
+
+@kernel()
+def _hold(holding: IntArray, accel: FloatArray, state: FloatArray, moved: FloatArray, dt_s: float) -> None:
+    """Write where the particles ``holding`` are after a step of given accelerations, as ``move_along`` does."""
+    for k in range(len(holding)):
+        n = holding[k]
+        speed = max(state[SPEED, n] + accel[k] * dt_s, 0.0)
+        moved[LON, n] = state[LON, n] + 0.5 * dt_s * (state[SPEED, n] + speed)
+        moved[SPEED, n] = speed
+        moved[ACCEL, n] = 0.0 if speed == 0.0 and accel[k] < 0.0 else accel[k]
