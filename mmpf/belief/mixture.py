@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -171,7 +172,7 @@ class Mixture:
     def __len__(self) -> int:
         return len(self.components)
 
-    @property
+    @cached_property
     def starts(self) -> IntArray:
         """Where each component's particles begin, and the end of the last, shape (m + 1,)."""
         return self.cloud.starts(len(self.components))
