@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -172,7 +171,7 @@ class Mixture:
     def __len__(self) -> int:
         return len(self.components)
 
-    @cached_property
+    @property
     def starts(self) -> IntArray:
         """Where each component's particles begin, and the end of the last, shape (m + 1,)."""
         return self.cloud.starts(len(self.components))
