@@ -233,6 +233,7 @@ def draw_charts(group: Charts, title: str, path: Path) -> None:
         "resolve": {"scale": {"color": "shared", "strokeDash": "shared"}},
     }
     legend: Spec = {"orient": "bottom", "title": None, "columns": 4, "labelLimit": 400, "symbolOpacity": 1}
+    legend |= {"symbolType": "stroke", "symbolSize": 500, "symbolStrokeWidth": 2.5, "labelFontSize": 12}
     text = json.dumps(spec)
     if group.lines:
         text = text.replace('"legend": null', f'"legend": {json.dumps(legend)}')
