@@ -57,10 +57,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         schemas = {
             name: writer.register_msgdef(name.replace("/", "/msg/"), definition(name)) for name in TOPICS.values()
         }
-
-        for step, time_s in (
-            run.truth.drop_duplicates("step")[["step", "time_s"]].sort_values("step").to_numpy().tolist()
-        ):
+        times = run.truth.drop_duplicates("step")[["step", "time_s"]].sort_values("step")
+        for step, time_s in times.to_numpy().tolist():
             time_ns = round(time_s * NANOSECONDS)
             stamp = dict(zip(("sec", "nanosec"), divmod(time_ns, NANOSECONDS), strict=True))
             header = {"stamp": stamp, "frame_id": MAP}
@@ -104,13 +102,13 @@ def _detected(run: RecordedRun) -> list[Message]:
     along = _column(found, "std_speed_mps", np.nan)
     x, y, heading = run.in_plane(found)
     heading = np.where(np.isfinite(heading), heading, 0.0)
-    turned = _directions(run, found)
+    along_road = run.road.heading_at(floats(found, "lon_m"))
     return [
         {
             "existence_probability": 1.0,
             **_body(size[k]),
             "kinematics": {
-                "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], turned[k]),
+                "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], along_road[k]),
                 "has_position_covariance": True,
                 "orientation_availability": AVAILABLE if has_heading[k] else UNAVAILABLE,
                 "twist_with_covariance": _rates("twist", (speed[k], 0.0), (along[k], 0.0)),
@@ -146,14 +144,14 @@ def _objects(
     deviations = np.column_stack([_column(rows, name, 0.0) for name in ("std_lon_m", "std_lat_m")])
     along, existence = _column(rows, "std_speed_mps", 0.0), _column(rows, "existence", 1.0)
     x, y, heading = run.in_plane(rows)
-    turned = _directions(run, rows)
+    along_road = run.road.heading_at(floats(rows, "lon_m"))
     return [
         {
             "object_id": {"uuid": [byte for part in identity[k].tolist() for byte in part.to_bytes(8, signed=True)]},
             "existence_probability": existence[k],
             **_body(size[k]),
             "kinematics": {
-                "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], turned[k]),
+                "pose_with_covariance": _pose(x[k], y[k], heading[k], deviations[k], along_road[k]),
                 "twist_with_covariance": _rates("twist", (speed[k], lat_speed[k]), (along[k], 0.0)),
                 "acceleration_with_covariance": _rates("accel", (accel[k], 0.0), (0.0, 0.0)),
                 "orientation_availability": orientation,
@@ -162,11 +160,6 @@ def _objects(
         }
         for k in range(len(rows))
     ]
-
-
-def _directions(run: RecordedRun, table: pd.DataFrame) -> FloatArray:
-    """Return the direction in the plane to which ``std_lon_m`` refers, shape (n,)."""
-    return np.asarray(run.road.heading_at(floats(table, "lon_m")), dtype=np.float64)
 
 
 def _by_step(table: pd.DataFrame, messages: list[Message]) -> Mapping[int, list[Message]]:
@@ -191,9 +184,10 @@ def _turn(heading: float) -> Message:
     return {"x": 0.0, "y": 0.0, "z": float(np.sin(0.5 * heading)), "w": float(np.cos(0.5 * heading))}
 
 
-def _pose(x: float, y: float, heading: float, std_m: FloatArray, turned: float) -> Message:
-    """Return a pose with the covariance of x and y, of deviations along and across a direction."""
-    turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+def _pose(x: float, y: float, heading: float, std_m: FloatArray, along_road: float) -> Message:
+    """Return a pose with the covariance of x and y, of deviations along and across the road's direction."""
+    cosine, sine = np.cos(along_road), np.sin(along_road)
+    turn = np.array([[cosine, -sine], [sine, cosine]])
     covariance = np.zeros((6, 6))
     covariance[:2, :2] = turn @ np.diag(std_m**2) @ turn.T
     return {

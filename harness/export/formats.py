@@ -10,7 +10,7 @@ import gzip
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
@@ -91,7 +91,7 @@ def export_run(
     try:
         with writing("out", target), sound_tables(folder, "folder"):
             files = exporter(results, pending.path)
-            files = pack(files) if packed else files
+            files = list(map(_packed, files)) if packed else files
             if pending.replaced is not None:
                 tell(f"replaced {pending.replaced}")
             written = pending.finish()
@@ -113,8 +113,8 @@ def _export_to_file(folder: Path, exporter: Exporter, out: Path, force: bool) ->
             tempfile.TemporaryDirectory(prefix=".exporting-", dir=out.parent) as pending,
         ):
             main, types = exporter(read_recorded_run(folder), Path(pending))
-            for file, target in zip((*(pack([main]) if out.suffix == ".gz" else [main]), types), targets, strict=True):
-                file.replace(target)
+            (_packed(main) if out.suffix == ".gz" else main).replace(out)
+            types.replace(targets[1])
     return list(targets)
 
 
@@ -154,17 +154,12 @@ def _fault_of(files: object, folder: Path) -> str:
     return f"{strange[0]}, which is not a file in the given folder" if strange else "" if files else "no file"
 
 
-SUFFIXES = (".xml", ".csv")
 HEAD_BYTES = 1 << 16
 LEVEL = 6
 
 
-def pack(files: Sequence[Path]) -> list[Path]:
-    """Pack the files of text formats, each under its name with ``.gz``; the plain ones go."""
-    return [_packed(file) if file.suffix in SUFFIXES else file for file in files]
-
-
 def _packed(file: Path) -> Path:
+    """Pack a file by gzip under its name with ``.gz``; the plain one goes."""
     path = file.with_name(f"{file.name}.gz")
     # Neither name nor time go into the file, which would differ from one export to the next.
     with file.open("rb") as plain, path.open("wb") as target, gzip.GzipFile("", "wb", LEVEL, target, mtime=0) as packed:

@@ -33,7 +33,7 @@ MAP, EGO = "map", "ego"
 LIBRARY = "mmpf-harness"
 HEIGHT_M, TEXT_M, LINE_M = 1.5, 1.2, 0.15
 NANOSECONDS = 1_000_000_000
-CURVES_SCHEMA = "harness.Curves"
+CURVES, CURVES_SCHEMA = "/curves", "harness.Curves"
 
 About = Mapping[str, str]
 
@@ -66,15 +66,15 @@ class _Recording:
             self.channels[topic] = self.writer.register_channel(topic, "protobuf", schema)
         self._add(topic, time_ns, message.SerializeToString(deterministic=True))
 
-    def put_numbers(self, topic: str, time_ns: int, numbers: Mapping[str, float]) -> None:
-        """Write named numbers, as JSON; each topic has the same names every time."""
-        if topic not in self.channels:
+    def put_curves(self, time_ns: int, numbers: Mapping[str, float]) -> None:
+        """Write named numbers, as JSON; the names are the same every time."""
+        if CURVES not in self.channels:
             schema = {"type": "object", "properties": {name: {"type": "number"} for name in numbers}}
             described = json.dumps(schema).encode()
             number = self.writer.register_schema(name=CURVES_SCHEMA, encoding="jsonschema", data=described)
-            self.channels[topic] = self.writer.register_channel(topic, "json", number)
+            self.channels[CURVES] = self.writer.register_channel(CURVES, "json", number)
         known = {name: round(value, 4) for name, value in numbers.items() if np.isfinite(value)}
-        self._add(topic, time_ns, json.dumps(known).encode())
+        self._add(CURVES, time_ns, json.dumps(known).encode())
 
     def _add(self, topic: str, time_ns: int, content: bytes) -> None:
         self.writer.add_message(self.channels[topic], log_time=time_ns, data=content, publish_time=time_ns)
@@ -108,7 +108,7 @@ def _write(run: RecordedRun, recording: _Recording) -> None:
             recording.put("/tf", time_ns, _transform(ego_at[step], time_ns))
         for topic, boxes in kinds.items():
             recording.put(topic, time_ns, _scene(boxes, step, time_ns, round(run.step_s * NANOSECONDS)))
-        recording.put_numbers("/curves", time_ns, {name: float(values[k]) for name, values in numbers.items()})
+        recording.put_curves(time_ns, {name: float(values[k]) for name, values in numbers.items()})
 
 
 def _truth(run: RecordedRun) -> _Boxes:
