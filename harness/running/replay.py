@@ -21,10 +21,9 @@ from harness.config.sensor import SensorSettings
 from harness.running.complete import check_scene, detection_table, truth_table
 from harness.running.recorder import Columns, columns_of, detections_of, frame_of, rows_by_step
 from harness.running.snapshots import SnapshotStream, timed_snapshots
-from harness.sensor.detector import build_sensor
+from harness.sensor.detector import build_sensor, own_shadows
 from harness.sensor.observation import Observation
 from harness.sensor.profiles import sensor_settings
-from harness.sensor.shadows import free_space
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import check_truth, sound_tables
 from harness.storage.manifest import tell_edited
@@ -104,15 +103,9 @@ def by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
 def _observation(frame: Frame, truth: Columns, seen: Columns, road: Road, settings: SensorSettings) -> Observation:
     """Return what was recorded of a frame; the sensor's shadows follow from its detections again."""
     detections, ego = detections_of(seen), frame.ego_pose
-    view_rad = float(np.deg2rad(settings.field_of_view_deg))
     place_of = {name: place for place, name in enumerate(truth["vehicle_id"].tolist())}
     return Observation(
-        scan=Scan(
-            time_s=frame.time_s,
-            detections=detections,
-            ego=ego,
-            free_space=free_space(detections, ego, road, settings.range_m, view_rad),
-        ),
+        scan=Scan(frame.time_s, detections, ego, own_shadows(settings, detections, ego, road)),
         truth_id=seen["truth_id"],
         detection_visible_fraction=seen["visible_fraction"],
         visible_fraction=truth["visible_fraction"],
