@@ -101,14 +101,7 @@ def make_study(
         cases = following_cases(load_following(paths, network.road), plan.cases, rng)
     else:
         cases = lane_change_cases(load_changes(paths, network.road), plan.cases, rng)
-    result = run_study(
-        plan.study,
-        cases,
-        dict.fromkeys(OCCLUSIONS[plan.study], models),
-        particles=plan.particles,
-        seed=plan.seed,
-        progress=progress,
-    )
+    result = run_study(plan.study, cases, models, particles=plan.particles, seed=plan.seed, progress=progress)
     return result, plan.setting(network, cases.count)
 
 
@@ -164,25 +157,23 @@ class StudyResult:
 def run_study(
     study: str,
     cases: Cases,
-    models: Mapping[str, Mapping[str, MotionModel]],
+    models: Mapping[str, MotionModel],
     *,
     particles: int,
     seed: int,
     progress: Callable[[], None],
 ) -> StudyResult:
-    """Follow every case with every model under every occlusion; all models get the same measurements.
+    """Follow every case with every model under every occlusion of a study; all models get the same measurements.
 
-    Args:
-        models: Models by name, for each occlusion that is studied: ``partial``, ``complete`` or both.
-        progress: Called after each model and occlusion.
+    ``progress`` is called after each model and occlusion.
     """
     measurements = measure(cases, np.random.default_rng([seed, 1]))
     shown = _most_eventful(cases)
     scores: dict[tuple[str, str], Scores] = {}
     examples: dict[tuple[str, str], FloatArray] = {}
-    for occlusion, of_it in models.items():
+    for occlusion in OCCLUSIONS[study]:
         seen = measurements if occlusion == PARTIAL else None
-        for name, model in of_it.items():
+        for name, model in models.items():
             clouds = follow(model, cases, particles, np.random.default_rng([seed, 2]), seen)
             kept: list[FloatArray] = []
             scores[occlusion, name] = score(_keeping_example(clouds, shown, kept), cases)

@@ -72,8 +72,7 @@ _BOXES: Space = {
     **_BIRTH,
     **_DOUBTFUL,
 }
-# Particles stay as they are: they buy accuracy with time, which no search should trade off. How mmpf tells false
-# objects from vehicles is left out as long as that is being rebuilt; keys that it does not have are passed over.
+# Particles stay as they are: they buy accuracy with time, which no search should trade off.
 _MMPF: Space = {
     "joint.detectability.run_share": _ratio(0.03, 0.3),
     "reporting.reported_std_lon_m": _ratio(5.0, 40.0),

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from harness.lab.windows.neighbours import NOBODY, NeighbourStates, clear_gap_m, lane_lines, others_at, row_ahead
+from harness.lab.windows.neighbours import NOBODY, NeighbourStates, clear_gap_m, lane_lines, nearest_row, others_at
 from harness.lab.windows.recording import Recording, joined_apart, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -85,7 +85,7 @@ def following_windows(recording: Recording, road: Road, steps: int) -> CarFollow
     """
     by_vehicle = np.lexsort((recording.step, recording.vehicle))
     step, vehicle, lane = (column[by_vehicle] for column in (recording.step, recording.vehicle, recording.lane))
-    ahead = row_ahead(recording, step, lane, recording.lon_m[by_vehicle])
+    ahead = nearest_row(recording, step, lane, recording.lon_m[by_vehicle], ahead=True)
     gap = clear_gap_m(recording, by_vehicle, ahead)
     gap = np.where(gap < FURTHEST_LEADER_M, gap, np.inf)
     leader = np.where(np.isfinite(gap), ahead, NOBODY)

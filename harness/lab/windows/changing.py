@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.lab.windows.neighbours import NeighbourStates, lane_lines, others_at, row_ahead, row_behind
+from harness.lab.windows.neighbours import NeighbourStates, lane_lines, nearest_row, others_at
 from harness.lab.windows.recording import Recording, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
@@ -60,9 +60,9 @@ def lane_change_windows(recording: Recording, road: Road) -> LaneChanges:
         states=_mirrored_states(recording, rows, direction, first_m).swapaxes(0, 1),
         length_m=recording.length_m[rows[:, 0]],
         lane_width_m=np.abs(second_m - first_m),
-        leader=others_at(recording, row_ahead(recording, step, on_original, lon)),
-        follower=others_at(recording, row_behind(recording, step, on_target, lon)),
-        target_leader=others_at(recording, row_ahead(recording, step, on_target, lon)),
+        leader=others_at(recording, nearest_row(recording, step, on_original, lon, ahead=True)),
+        follower=others_at(recording, nearest_row(recording, step, on_target, lon, ahead=False)),
+        target_leader=others_at(recording, nearest_row(recording, step, on_target, lon, ahead=True)),
     )
 
 

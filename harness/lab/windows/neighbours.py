@@ -26,14 +26,17 @@ class NeighbourStates:
     length_m: FloatArray
 
 
-def row_ahead(recording: Recording, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
-    """Return the row of the nearest vehicle strictly ahead of each place, ``NOBODY`` where there is none."""
-    return _row_beside(recording, step, lane, lon_m, ahead=True)
-
-
-def row_behind(recording: Recording, step: IntArray, lane: IntArray, lon_m: FloatArray) -> IntArray:
-    """Return the row of the nearest vehicle strictly behind each place, ``NOBODY`` where there is none."""
-    return _row_beside(recording, step, lane, lon_m, ahead=False)
+def nearest_row(recording: Recording, step: IntArray, lane: IntArray, lon_m: FloatArray, *, ahead: bool) -> IntArray:
+    """Return the row of the nearest vehicle strictly ahead of each place, or behind it, ``NOBODY`` for none."""
+    keys = _key(recording.step, recording.lane, recording.lon_m)
+    row = np.argsort(keys, kind="stable")
+    place = np.searchsorted(keys, _key(step, lane, lon_m), "right" if ahead else "left", sorter=row)
+    if not ahead:
+        place = place - 1
+    row = row[np.clip(place, 0, len(row) - 1)]
+    lane_start = step * _STEP_KEY + lane * _LANE_KEY
+    same_lane = (keys[row] >= lane_start) & (keys[row] < lane_start + _LANE_KEY)
+    return np.where((place >= 0) & (place < len(keys)) & same_lane, row, NOBODY)
 
 
 def clear_gap_m(recording: Recording, behind: IntArray, ahead: IntArray) -> FloatArray:
@@ -57,15 +60,3 @@ def lane_lines(road: Road, lane: IntArray) -> FloatArray:
 
 def _key(step: IntArray, lane: IntArray, lon_m: FloatArray) -> FloatArray:
     return np.asarray(step * _STEP_KEY + lane * _LANE_KEY + lon_m + _LONGEST_ROAD_M * 0.5)
-
-
-def _row_beside(recording: Recording, step: IntArray, lane: IntArray, lon_m: FloatArray, *, ahead: bool) -> IntArray:
-    keys = _key(recording.step, recording.lane, recording.lon_m)
-    row = np.argsort(keys, kind="stable")
-    place = np.searchsorted(keys, _key(step, lane, lon_m), "right" if ahead else "left", sorter=row)
-    if not ahead:
-        place = place - 1
-    row = row[np.clip(place, 0, len(row) - 1)]
-    lane_start = step * _STEP_KEY + lane * _LANE_KEY
-    same_lane = (keys[row] >= lane_start) & (keys[row] < lane_start + _LANE_KEY)
-    return np.where((place >= 0) & (place < len(keys)) & same_lane, row, NOBODY)

@@ -77,9 +77,7 @@ def test_a_right_model_covers_the_truth_and_errs_little(cases):
 @pytest.fixture(scope="module")
 def result(cases):
     models = {"gmm": kinematic("cam"), "cvm": kinematic("cvm"), "cam": kinematic("cam")}
-    return run_study(
-        "lane-keeping", cases, {PARTIAL: models, COMPLETE: models}, particles=50, seed=0, progress=lambda: None
-    )
+    return run_study("lane-keeping", cases, models, particles=50, seed=0, progress=lambda: None)
 
 
 def test_rows_carry_the_agreed_columns(result):
@@ -93,9 +91,7 @@ def test_rows_carry_the_agreed_columns(result):
 
 def test_the_same_seed_gives_the_same_rows(result, cases):
     models = {"gmm": kinematic("cam"), "cvm": kinematic("cvm"), "cam": kinematic("cam")}
-    again = run_study(
-        "lane-keeping", cases, {PARTIAL: models, COMPLETE: models}, particles=50, seed=0, progress=lambda: None
-    )
+    again = run_study("lane-keeping", cases, models, particles=50, seed=0, progress=lambda: None)
     assert again.rows == result.rows
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from harness.lab.windows.car_following import following_windows
 from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_windows
-from harness.lab.windows.neighbours import NOBODY, clear_gap_m, row_ahead, row_behind
+from harness.lab.windows.neighbours import NOBODY, clear_gap_m, nearest_row
 from harness.lab.windows.recording import (
     Recording,
     joined_apart,
@@ -69,9 +69,9 @@ def test_the_vehicle_ahead_is_the_nearest_in_the_same_lane_at_the_same_step():
         accel_mps2=np.zeros(n),
         length_m=np.full(n, 5.0),
     )
-    ahead = row_ahead(recording, recording.step, recording.lane, recording.lon_m)
+    at = (recording.step, recording.lane, recording.lon_m)
+    ahead, behind = (nearest_row(recording, *at, ahead=side) for side in (True, False))
     np.testing.assert_array_equal(ahead, [brute_force_ahead(recording, row) for row in range(n)])
-    behind = row_behind(recording, recording.step, recording.lane, recording.lon_m)
     led = np.flatnonzero(ahead != NOBODY)
     np.testing.assert_array_equal(behind[ahead[led]], led)
 
