@@ -24,7 +24,7 @@ WIDTH, HEIGHT = 1280, 720
 # Drawn this many times larger and reduced, so that edges are smooth.
 SMOOTH = 2
 OVERLAP_M, MARGIN_M = 8.0, 2.5
-DASH_DEG = 20
+DASH = 12.0 * SMOOTH
 HEAD, FOOT, GAP = 34, 34, 14
 INK = "#000000"
 # Fill and edge of vehicles.
@@ -128,8 +128,16 @@ def _draw_cross(draw: ImageDraw.ImageDraw, x: float, y: float) -> None:
 
 
 def _draw_ellipse(draw: ImageDraw.ImageDraw, box: tuple[float, float, float, float], dashed: bool) -> None:
-    for start in range(0, 360, DASH_DEG if dashed else 360):
-        draw.arc(box, start, start + (0.6 * DASH_DEG if dashed else 360), fill=PURPLE, width=2 * SMOOTH)
+    """Draw an ellipse, whose dashes are of one length at its ends and along its sides."""
+    begins, ends = np.array([0.0]), np.array([360.0])
+    if dashed:
+        degrees = np.linspace(0.0, 360.0, 361)
+        turns, half = np.deg2rad(degrees), 0.5 * np.subtract(box[2:], box[:2])[:, None]
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(half * [np.cos(turns), np.sin(turns)]))))
+        dashes = np.arange(0.0, along[-1], DASH)
+        begins, ends = (np.interp(dashes + more, along, degrees) for more in (0.0, 0.6 * DASH))
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        draw.arc(box, begin, end, fill=PURPLE, width=2 * SMOOTH)
 
 
 def _draw_words(draw: ImageDraw.ImageDraw, heading: str) -> None:
