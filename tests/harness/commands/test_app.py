@@ -17,7 +17,6 @@ from harness.common.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
 
 ROOT = Path(__file__).parents[3]
-US101 = ROOT / "networks" / "us101"
 
 
 def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:

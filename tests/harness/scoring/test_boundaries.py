@@ -25,8 +25,6 @@ from harness.scoring.metrics.parts import combined
 from harness.scoring.metrics.scarce import check_scored
 from harness.scoring.metrics.unseen_turns import TurnsPart, _way, distance_to_line, scores_of_turns
 
-NAN = float("nan")
-
 
 def scarce(truth_n: int, steps: int, in_range: int = 5, detected: int = 4) -> str:
     coverage = {"vehicles_in_range": in_range, "detected": detected}

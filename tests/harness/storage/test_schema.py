@@ -25,8 +25,6 @@ from tests.test_docs import script
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
-ROOT = Path(__file__).parents[3]
-
 
 @dataclass(frozen=True)
 class LitFrame(Frame):

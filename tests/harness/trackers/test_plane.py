@@ -12,7 +12,6 @@ from tests.mmpf.map.scenes import graph_of
 ROAD = LaneGraphRoad(graph=graph_of({"a": [(-100.0, 0.0), (100.0, 0.0)]}))
 DIRECTIONS = np.radians([0.0, 90.0, 180.0, 250.0])
 SPEED_MPS = 12.0
-NAMES = ("oracle-kalman", "stonesoup-gnn", "stonesoup-jpda", "immortal-kalman")
 
 
 @pytest.mark.parametrize(
