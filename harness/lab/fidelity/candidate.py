@@ -13,7 +13,7 @@ import numpy as np
 from harness.common.files import write_toml
 from harness.lab.fidelity.measured import PART_S, MeasuredPeriod, MeasuredSite
 from harness.lab.fidelity.samples import VehicleStatistics
-from harness.lab.fidelity.statistics import MAIN_LANES, QUARTERS, PeriodStatistics, targets
+from harness.lab.fidelity.statistics import QUARTERS, PeriodStatistics, targets
 from harness.storage.schema import DENSITY_RANGE
 from harness.truth.network.demand import Drivers
 from harness.truth.network.network import Network
@@ -245,7 +245,7 @@ def _headway_s(statistics: PeriodStatistics, drivers: Drivers) -> float:
 
 def _quarter_headways_s(statistics: PeriodStatistics, drivers: Drivers) -> list[float]:
     return [
-        max(0.1, 3600.0 * MAIN_LANES * speed / flow - drivers.standing_spacing_m) / speed
+        max(0.1, 3600.0 * statistics.lanes * speed / flow - drivers.standing_spacing_m) / speed
         for speed, flow in zip(statistics.quarter_speed_mps, statistics.quarter_flow_veh_per_h, strict=True)
     ]
 

@@ -15,7 +15,6 @@ from mmpf.numerics.arrays import FloatArray
 
 QUARTERS = 4
 SLOW_MPS = 4.0
-MAIN_LANES = 5
 # Slower changes than this are no waves but the demand's; the average is taken over twice as many bins and one.
 TREND_BINS = 30
 # A wave is followed over these distances, in cells: 49 to 195 m.
@@ -48,8 +47,13 @@ class PeriodStatistics:
     share_below_4mps: float
     wave_mps: float
 
+    @property
+    def lanes(self) -> int:
+        """How many lanes the figures are of: the flow is density times speed on each."""
+        return round(self.flow_veh_per_h / (3.6 * self.mean_speed_mps * self.density_veh_per_km_lane))
 
-def period_statistics(pieces: Sequence[Fields], lanes: int = MAIN_LANES) -> PeriodStatistics:
+
+def period_statistics(pieces: Sequence[Fields], lanes: int) -> PeriodStatistics:
     """Return the figures of one period.
 
     Args:

@@ -16,6 +16,7 @@ from harness.lab.fidelity.candidate import (
 )
 from harness.lab.fidelity.measured import MeasuredVehicles, read_measured
 from harness.lab.fidelity.samples import VehicleStatistics
+from harness.lab.fidelity.statistics import PeriodStatistics
 from harness.truth.network.network import load_network
 from harness.truth.network.networkfile import CalibrationFile, file_of
 
@@ -83,6 +84,18 @@ def test_traffic_that_is_too_fast_at_its_density_is_given_longer_headways_there(
     assert own(moved, NAMES[1]) == pytest.approx(own(candidate, NAMES[1]), rel=2e-3)
 
 
+@pytest.mark.parametrize("lanes", [2, 5])
+def test_half_the_flow_in_a_quarter_asks_for_the_headway_of_twice_the_spacing(candidate, site, lanes):
+    flow = lanes * 3.6 * 10.0 * 40.0
+    even = PeriodStatistics(10.0, flow, 40.0, (10.0,) * 4, (flow,) * 4, 0.1, 5.5)
+    halved = replace(even, quarter_flow_veh_per_h=(flow, flow, flow, 0.5 * flow))
+    periods = {NAMES[0]: site.periods[NAMES[0]].model_copy(update={"statistics": halved})}
+    moved = improved(candidate, {NAMES[0]: even}, site.model_copy(update={"periods": periods}), 0.3)
+    factors = [factor for _, factor in moved.demands[NAMES[0]].headway_profile]
+    standing_m = candidate.drivers.standing_spacing_m
+    assert factors[3] / factors[0] == pytest.approx(((50.0 - standing_m) / (25.0 - standing_m)) ** 0.3, rel=1e-3)
+
+
 def test_the_local_factors_have_a_mean_of_one_over_periods_and_places(candidate, site):
     figures = {name: replace(entry, mean_speed_mps=1.2 * entry.mean_speed_mps,
                              quarter_speed_mps=tuple(1.2 * v for v in entry.quarter_speed_mps))
@@ -110,7 +123,8 @@ def test_waves_that_cannot_be_measured_move_nothing_and_count_as_a_miss(candidat
 
 
 def test_the_average_of_candidates_has_the_mean_of_each_number_and_keeps_what_is_none(candidate, site):
-    figures = {name: replace(entry, share_below_4mps=0.0, density_veh_per_km_lane=50.0)
+    figures = {name: replace(entry, share_below_4mps=0.0, density_veh_per_km_lane=50.0,
+                             flow_veh_per_h=5 * 3.6 * 50.0 * entry.mean_speed_mps)
                for name, entry in as_measured(site).items()}  # fmt: skip
     other = improved(candidate, figures, site, 0.5)
     average = averaged([candidate, other, other])

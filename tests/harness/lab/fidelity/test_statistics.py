@@ -1,14 +1,18 @@
 """The figures of a period, on fields with known answers."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.lab.fidelity.fields import BIN_S, CELL_M, Fields
-from harness.lab.fidelity.statistics import period_statistics, targets, wave_speed
+from harness.lab.fidelity.statistics import period_statistics as statistics_of
+from harness.lab.fidelity.statistics import targets, wave_speed
 
 CELLS, BINS = 104, 180
+period_statistics = partial(statistics_of, lanes=5)
 
 
 def waves(speed_mps, period_s=120.0, mean=9.0, swing=4.0, noise=0.0, seed=0, bins=BINS):
