@@ -38,6 +38,8 @@ highlight_language = "none"
 
 html_theme = "furo"
 html_title = "MMPF harness"
+html_static_path = ["static"]
+html_css_files = ["tables.css"]
 html_theme_options = {"navigation_with_keys": True}
 html_copy_source = False
 html_show_sphinx = False
@@ -82,9 +84,13 @@ def _take_in_reference_results(_app: Sphinx) -> None:
 
 
 def _point_to_them(_app: Sphinx, page: str, source: list[str]) -> None:
-    """Let links that are right in the repository be right in the site; of collisions no replays are kept."""
+    """Let links that are right in the repository be right in the site; of collisions no replays are kept.
+
+    No line of a cell ends within an interval.
+    """
     if page.startswith("reference-results/"):
         source[0] = re.sub(r"\[look\]\(kept/[^)]*\)", "-", source[0])
+        source[0] = re.sub(r"(\[[-+\d.]+), (?=[-+\d.]+\])", "\\1,\N{NO-BREAK SPACE}", source[0])
     source[0] = source[0].replace("](../../results/reference/", "](../reference-results/")
 
 

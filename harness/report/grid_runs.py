@@ -33,7 +33,7 @@ from mmpf.numerics.arrays import FloatArray
 BESIDE = "side-by-side.html"
 RANKED = "mot.hota"
 SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", RANKED)
-MOST_LISTED = 2_000
+MOST_LISTED, MOST_TOLD = 2_000, 6
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,13 @@ def _about(grid: GridPlan) -> str:
     configs = [run.config for run in grid.runs]
     meant = {label: f" ({tracker})" for label, tracker in grid.labels.items()}
     trackers = ", ".join(dict.fromkeys(_tracker(run) + meant.get(run.variant, "") for run in grid.runs))
-    settings = "; ".join(dict.fromkeys(_setting(run, several_nets=True) for run in grid.runs))
+    settings = list(dict.fromkeys(_setting(run, several_nets=True) for run in grid.runs))
+    where = f"on {'; '.join(settings)}" if len(settings) <= MOST_TOLD else f"in the {len(settings)} settings below"
     seeds = sorted({config.seed for config in configs})
     durations = "; ".join(dict.fromkeys(f"{config.traffic.duration_s:g} s" for config in configs))
     sensors = ", ".join(dict.fromkeys(config.sensor.profile for config in configs))
     shown = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
-    return f"Trackers: {trackers}. Each runs on {settings}, with {shown}, for {durations}, with the sensor {sensors}."
+    return f"Trackers: {trackers}. Each runs {where}, with {shown}, for {durations}, with the sensor {sensors}."
 
 
 def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
