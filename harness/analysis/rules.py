@@ -20,8 +20,8 @@ PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent", RECA
 COMPARED = (
     *("hidden.hidden_cost_m", "hidden.false_hidden_tracks_per_scan", "mae.visible.lon_m", "mae.visible.speed_mps"),
     *("mae.partial.lon_m", "mae.hidden.lon_m", "mae.hidden.speed_mps", "hidden_outcomes", "occlusion.same_id_percent"),
-    *("mot.hota", "mot.idf1", "mot_all.hota", "in_plain_view", "existence_calibration", "decisions"),
-    "pseudo_occlusion",
+    *("mot.hota", "mot.idf1", "mot_all.hota", "in_plain_view", "existence_calibration", "calibration.anees"),
+    *("decisions", "pseudo_occlusion"),
 )
 IN_WORDS = {"mae.hidden.lon_m": {"label": "MAE hidden while followed, m"}}
 STEP_TIME = Quantity("timing.tracker_ms.p50", "time of a step, ratio", decimals=1)
