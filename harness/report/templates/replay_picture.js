@@ -48,10 +48,10 @@ function drawPane(pane, side) {
   if (shown.tracks && shown.arrows) drawArrows(pen, camera);
   drawFollowed(pen, camera);
   if (shown.tracks) drawTracks(pen, camera);
+  drawScale(pen, camera);
   nameFollowed(pen, camera);
   nameMarks(pen, camera, marks);
   if (shown.tracks && shown.numbers && camera.scale > 4.5) numberTracks(pen, camera, side);
-  drawScale(pen, camera);
 }
 
 /* Stretches of lane, the bluer the more vehicles are expected there; they are told twice a second. */
@@ -392,7 +392,8 @@ function nameFollowed(pen, camera) {
   const [x, y] = camera.at(data.truth.lon[row], data.truth.lat[row]), name = data.vehicles.names[view.followed];
   const away = 1.1 * camera.scale + 18, below = y + away < camera.height - 4;
   // Names of recordings may be longer than what they name is wide; the line below the picture has them in full.
-  write(pen, name.length > 16 ? `${name.slice(0, 8)}…` : name, [[x, below ? y + away : y - away - 8]], "black", "bold 13px");
+  const told = name.length > 16 ? `${name.slice(0, 8)}…` : name, beside = x + 3.4 * camera.scale + 4 * told.length;
+  write(pen, told, [...(below ? [[x, y + away], [beside, y + 4]] : []), [x, y - away - 8]], "black", "bold 13px");
 }
 
 function drawScale(pen, camera) {
@@ -401,7 +402,9 @@ function drawScale(pen, camera) {
   pen.textAlign = "left";
   const text = road.lines ? `${long} m, north is up` : `${long} m, driving direction →`;
   pen.fillStyle = colourOf("halo"); // no line of the road or of a vehicle's way crosses the words
-  pen.fillRect(8, y - 18, Math.max(long * camera.scale, pen.measureText(text).width) + 8, 23);
+  const wide = Math.max(long * camera.scale, pen.measureText(text).width) + 8;
+  pen.fillRect(8, y - 18, wide, 23);
+  written.push([8, 8 + wide, y - 18, y + 5]);
   pen.fillStyle = colourOf("words");
   pen.fillRect(12, y, long * camera.scale, 2);
   pen.fillText(text, 12, y - 5);

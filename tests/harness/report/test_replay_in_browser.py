@@ -153,7 +153,7 @@ def test_words_on_the_road_do_not_overlap(browser, tmp_path):
     rewrite(folder, "tracks.parquet", tracks.assign(lon_m=tracks["lon_m"].iloc[0], lat_m=tracks["lat_m"].iloc[0]))
     browser.get(f"{write_run_page(folder).as_uri()}#t=0")
     words = asked(browser, "words")
-    assert len(words) == 3, "the ego's and the numbers of two tracks in one place"
+    assert len(words) == 4, "the scale, the ego and the numbers of two tracks in one place"
     assert all(a[1] <= b[0] or b[1] <= a[0] or a[3] <= b[2] or b[3] <= a[2] for a, b in combinations(words, 2))
 
 
