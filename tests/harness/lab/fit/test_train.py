@@ -61,10 +61,7 @@ def test_training_end_to_end_leaves_models_that_load_and_cards(tmp_path, monkeyp
 
 def test_a_fit_that_its_reader_would_refuse_says_that_there_is_too_little_traffic(tmp_path, monkeypatch):
     sound = committed_mixture(CHANGE)
-    flat = sound.mixture.covariances.copy()
-    flat[0] = np.eye(len(flat[0]))
-    flat[0, 0, 1] = flat[0, 1, 0] = 1e-40
-    fitted = replace(sound, mixture=replace(sound.mixture, covariances=flat))
+    fitted = replace(sound, scaling=sound.scaling._replace(input_high=np.full(CHANGE.inputs, np.inf)))
     samples = {"load_changes": range(60), "change_samples": ((), ())}
     monkeypatch.setattr(train.recording, "record_traffic", lambda *_: [])
     for name, made in {**samples, "fit_mixture": fitted}.items():
