@@ -60,9 +60,9 @@ def fit_driver(
 
 def short_samples(led: CarFollowing, most: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Return so many samples, or all, of the inputs (n, 5) and outputs (n, 4) of the paper's short-term model."""
-    distance = led.gap_m + led.leader_length_m[:, None]
+    distance = led.gap_m + led.leader.length_m
     now, then = slice(None, -1), slice(1, None)
-    columns = (led.offset_m, distance, led.speed_mps, led.accel_mps2, led.leader_speed_mps)
+    columns = (led.offset_m, distance, led.speed_mps, led.accel_mps2, led.leader.speed_mps)
     x = short_inputs(*(column[:, now].ravel() for column in columns))
     advance = np.diff(led.lon_m, axis=1).ravel()
     outputs = (led.offset_m[:, then], led.speed_mps[:, then], led.accel_mps2[:, then])
@@ -73,7 +73,7 @@ def short_samples(led: CarFollowing, most: int, rng: np.random.Generator) -> tup
 
 def driver_habit(led: CarFollowing) -> FloatArray:
     """Return each window's driver's mean log time headway over all its windows' steady moments, shape (windows,)."""
-    closing = np.abs(led.speed_mps - led.leader_speed_mps)
+    closing = np.abs(led.speed_mps - led.leader.speed_mps)
     steady = (closing < STEADY_CLOSING_MPS) & (np.abs(led.accel_mps2) < STEADY_ACCEL_MPS2)
     weight = steady + 1e-3
     drivers = int(led.vehicle.max()) + 1
@@ -85,7 +85,7 @@ def driver_habit(led: CarFollowing) -> FloatArray:
 
 def situation_columns(led: CarFollowing) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the inputs of a driver's situation, in the order of ``situation``, each (windows, steps)."""
-    return led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2
+    return led.gap_m, led.speed_mps, led.accel_mps2, led.leader.speed_mps, led.leader.accel_mps2
 
 
 def _fit_habit(led: CarFollowing, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
@@ -209,7 +209,7 @@ def _inputs(
     accel: FloatArray,
 ) -> FloatArray:
     """Return the situation of a follower behind the leaders of some windows and steps, with its driver's habit."""
-    seen = situation(gap, speed, accel, led.leader_speed_mps[at], led.leader_accel_mps2[at])
+    seen = situation(gap, speed, accel, led.leader.speed_mps[at], led.leader.accel_mps2[at])
     return np.hstack([seen, habit[at[0], None]])
 
 

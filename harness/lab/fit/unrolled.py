@@ -118,7 +118,7 @@ def scaling_of(led: CarFollowing) -> NetworkWeights:
     """Return a network that has nothing yet but the scaling of its inputs, given windows behind leaders."""
     headway = np.repeat(log_headway(led.gap_m[:, 0], led.speed_mps[:, 0]), led.gap_m.shape[1])
     columns = (np.log(np.maximum(led.gap_m, SMALLEST_GAP_M)), led.speed_mps, led.accel_mps2)
-    leader = (led.speed_mps - led.leader_speed_mps, np.clip(led.leader_accel_mps2, *residual.STRONGEST_LEADER_MPS2))
+    leader = (led.speed_mps - led.leader.speed_mps, np.clip(led.leader.accel_mps2, *residual.STRONGEST_LEADER_MPS2))
     seen = np.stack([*(column.ravel() for column in (*columns, *leader)), headway])
     low, high = np.quantile(seen, RANGE_QUANTILES, axis=1)
     parts = (low, high, seen.mean(axis=1), seen.std(axis=1) + 1e-6)
@@ -137,8 +137,8 @@ def rollouts_of(windows: CarFollowing, chosen: IntArray, particles: int, rng: np
     spread = (rng.random(len(chosen)) < WRONG_SHARE) * np.exp(0.5 * rng.standard_normal(len(chosen)))
     gap, speed, accel = spread * rng.standard_normal((3, len(chosen)))
     leader_m = ahead + np.maximum(WRONG_GAP_M * gap, -0.5 * np.maximum(ahead[:, 0], 0.0))[:, None]
-    leader_speed = np.nan_to_num(here.leader_speed_mps) + WRONG_SPEED_MPS * speed[:, None]
-    leader_accel = np.nan_to_num(here.leader_accel_mps2) + WRONG_ACCEL_MPS2 * accel[:, None]
+    leader_speed = np.nan_to_num(here.leader.speed_mps) + WRONG_SPEED_MPS * speed[:, None]
+    leader_accel = np.nan_to_num(here.leader.accel_mps2) + WRONG_ACCEL_MPS2 * accel[:, None]
     size = ahead.shape[1], len(residual.TIME_SCALES_S), len(chosen) * particles
     return Rollouts(
         speed_mps=particles_of(here.speed_mps[:, 0]),

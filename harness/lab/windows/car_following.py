@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +31,6 @@ class CarFollowing:
         offset_m: Lateral position from the middle of its lane.
         length_m: Vehicle length, shape (windows,).
         lane_width_m: Width of its lane, shape (windows,).
-        leader_lon_m: Longitudinal position of the leader's centre; nan without a leader.
-        leader_length_m: The leader's length, shape (windows,); nan without a leader.
         vehicle: A number that windows of the same vehicle share, shape (windows,).
         after_cut_in: Whether the window begins with a new leader, nearer than the last, shape (windows,).
     """
@@ -44,10 +42,7 @@ class CarFollowing:
     accel_mps2: FloatArray
     length_m: FloatArray
     lane_width_m: FloatArray
-    leader_lon_m: FloatArray
-    leader_speed_mps: FloatArray
-    leader_accel_mps2: FloatArray
-    leader_length_m: FloatArray
+    leader: NeighbourStates
     vehicle: IntArray
     after_cut_in: BoolArray
 
@@ -57,19 +52,12 @@ class CarFollowing:
     @property
     def has_leader(self) -> BoolArray:
         """Whether each window has a leader, shape (windows,)."""
-        return np.isfinite(self.leader_length_m)
-
-    @property
-    def leader(self) -> NeighbourStates:
-        """The leaders."""
-        length_m = np.broadcast_to(self.leader_length_m[:, None], self.leader_lon_m.shape)
-        return NeighbourStates(self.leader_lon_m, self.leader_speed_mps, self.leader_accel_mps2, length_m)
+        return np.isfinite(self.leader.length_m[:, 0])
 
     @property
     def gap_m(self) -> FloatArray:
         """Clear distance to the leader, shape (windows, steps)."""
-        half_lengths = 0.5 * (self.length_m + self.leader_length_m)[:, None]
-        return self.leader_lon_m - self.lon_m - half_lengths
+        return self.leader.lon_m - self.lon_m - 0.5 * (self.length_m[:, None] + self.leader.length_m)
 
     @property
     def led(self) -> CarFollowing:
@@ -100,6 +88,8 @@ def following_windows(recording: Recording, road: Road, steps: int) -> CarFollow
     start = _window_starts(settled, same_as_before, steps)
     own, leaders = (rows[start[:, None] + np.arange(steps)] for rows in (by_vehicle, leader))
     lines, others = lane_lines(road, lane[start]), others_at(recording, leaders)
+    # A leader is as long as it is at the beginning.
+    others = replace(others, length_m=np.repeat(others.length_m[:, :1], steps, axis=1))
     return CarFollowing(
         lon_m=recording.lon_m[own],
         offset_m=recording.lat_m[own] - lines.mean(axis=1)[:, None],
@@ -108,10 +98,7 @@ def following_windows(recording: Recording, road: Road, steps: int) -> CarFollow
         accel_mps2=recording.accel_mps2[own],
         length_m=recording.length_m[own[:, 0]],
         lane_width_m=lines[:, 1] - lines[:, 0],
-        leader_lon_m=others.lon_m,
-        leader_speed_mps=others.speed_mps,
-        leader_accel_mps2=others.accel_mps2,
-        leader_length_m=others.length_m[:, 0],
+        leader=others,
         vehicle=vehicle[start],
         after_cut_in=new_leader[start],
     )

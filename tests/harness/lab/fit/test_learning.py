@@ -6,6 +6,7 @@ import numpy as np
 
 from harness.lab.fit.driver_fit import FEWEST, demonstrated_samples, fit_empirical, recovery_samples
 from harness.lab.fit.mixture_em import fit_mixture
+from harness.lab.windows.neighbours import NeighbourStates
 from mmpf.motion.learned.features import situation
 from tests.harness.lab.fit.test_unrolled import windows
 
@@ -44,8 +45,9 @@ def steady_following(count=80, steps=60):
     speed = np.repeat(rng.uniform(5.0, 25.0, (count, 1)), steps, axis=1)
     still, lon = np.zeros((count, steps)), STEP_S * speed * np.arange(steps)
     led = windows(count, rng)
-    leader = {"leader_lon_m": lon + 1.5 * speed + 2.0 + led.length_m[:, None], "leader_speed_mps": speed}
-    return replace(led, lon_m=lon, speed_mps=speed, accel_mps2=still, leader_accel_mps2=still, **leader)
+    length = led.leader.length_m[:, :steps]
+    leader = NeighbourStates(lon + 1.5 * speed + 2.0 + length, speed, still, length)
+    return replace(led, lon_m=lon, speed_mps=speed, accel_mps2=still, leader=leader)
 
 
 HABIT = np.full(80, np.log(1.5))
@@ -84,7 +86,7 @@ def test_a_cell_with_enough_moments_spans_what_was_recorded_in_it():
     led = windows(40, np.random.default_rng(0), pull=0.5)
     table = fit_empirical(led)
     now = slice(None, -1)
-    columns = (led.gap_m, led.speed_mps, led.accel_mps2, led.leader_speed_mps, led.leader_accel_mps2)
+    columns = (led.gap_m, led.speed_mps, led.accel_mps2, led.leader.speed_mps, led.leader.accel_mps2)
     cell = table.cells(situation(*(column[:, now].ravel() for column in columns)).T)
     change = np.diff(led.accel_mps2, axis=1).ravel()
     rows = table.changes_mps2.reshape(-1, table.changes_mps2.shape[-1])

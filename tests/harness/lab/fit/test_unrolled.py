@@ -9,6 +9,7 @@ from harness.lab.fit.unrolled import crps_and_slope, first_weights, fit_residual
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import cases_of
 from harness.lab.windows.filtering import follow, score
+from harness.lab.windows.neighbours import NeighbourStates
 from mmpf.motion.learned.driver import with_follower
 from mmpf.motion.learned.residual import INPUTS, SEEN, NetworkWeights, ResidualFollower
 
@@ -25,11 +26,9 @@ def windows(count, rng, gap_m=20.0, pull=0.0):
     leader_speed = np.full((count, STEPS), 12.0)
     nothing, lengths = np.zeros((count, STEPS)), np.full(count, 5.0)
     leader_lon = gap_m + 5.0 + 12.0 * time_s + nothing
-    number = np.arange(count)
-    leaders = (leader_lon, leader_speed, nothing, lengths)
-    return CarFollowing(
-        *(lon, nothing, speed, nothing, accel, lengths, lengths), *leaders, number, np.zeros(count, dtype=np.bool_)
-    )
+    follower = lon, nothing, speed, nothing, accel, lengths, lengths
+    leader = NeighbourStates(leader_lon, leader_speed, nothing, nothing + 5.0)
+    return CarFollowing(*follower, leader, np.arange(count), np.zeros(count, dtype=np.bool_))
 
 
 def test_the_gradient_through_a_rollout_is_that_of_differences():
