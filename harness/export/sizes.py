@@ -32,14 +32,14 @@ def track_sizes(run: RecordedRun, episode: IntArray, track_id: IntArray) -> Floa
         measured = measured[np.isfinite(measured[SIZE].to_numpy(dtype=np.float64)).all(axis=1)]
     else:
         measured = measured[:0].reindex(columns=[*measured, *SIZE])
-    track_row, detection_row = _on_each_other(run.tracks, measured)
+    track_row, detection_row = _mutual_nearest(run.tracks, measured)
     on_track = measured.iloc[detection_row]
     whose = [run.tracks[name].to_numpy()[track_row] for name in ("episode", "track_id")]
     medians = on_track[SIZE].groupby(whose).median().reindex(pd.MultiIndex.from_arrays([episode, track_id]))
     return medians.fillna(dict(zip(SIZE, NOMINAL_M, strict=True))).to_numpy(dtype=np.float64)
 
 
-def _on_each_other(tracks: pd.DataFrame, detections: pd.DataFrame) -> tuple[IntArray, IntArray]:
+def _mutual_nearest(tracks: pd.DataFrame, detections: pd.DataFrame) -> tuple[IntArray, IntArray]:
     """Return the rows of tracks and of detections that are each other's nearest in their step, within the gate."""
     scale = np.array([GATE_LON_M, GATE_LAT_M])
     here, there = (

@@ -17,8 +17,8 @@ from harness.config.model import RunConfig
 from harness.decisions.decide import driver_of
 from harness.running.follow import StageTimes, TrackerBuilder, Watch, follow
 from harness.running.metrics import TrafficSums, identification, timing_table
-from harness.running.odd import tell_oddities
 from harness.running.open import as_believed, tracker_builder
+from harness.running.plausibility import warn_of_implausible
 from harness.running.provenance import provenance_of
 from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
 from harness.running.resolve import write_config
@@ -148,7 +148,7 @@ class Evaluation:
             truth, detections, tracks = (
                 tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS)
             )
-            tell_oddities(tables, self._road, self._told)
+            warn_of_implausible(tables, self._road, self._told)
             self._traffic.add(truth)
             tables |= self._scorer.add(truth, detections, tracks, tables.get(runfolder.UNSEEN))
         if self.writer is None:

@@ -48,22 +48,22 @@ def fit_recurrent(
     parts = [part[:SITUATION_SIZE] for part in scaling[:4]]
     score_and_gradient = compiled_score(*parts)
 
-    def score_of_some(weights: Weights) -> tuple[float, Weights]:
+    def minibatch_score(weights: Weights) -> tuple[float, Weights]:
         chosen = rng.choice(len(windows), size=min(unrolled.WINDOWS, len(windows)), replace=False)
         score, gradient = score_and_gradient(weights, drawn_inputs(windows, chosen, rng))
         return float(score), {name: np.asarray(g) for name, g in gradient.items()}
 
-    weights = unrolled.searched(first_weights(rng, UNITS), score_of_some, iterations, say)
+    weights = unrolled.minimised_by_adam(initial_weights(rng, UNITS), minibatch_score, iterations, say)
     return network_of(parts, weights)
 
 
 def network_of(scaling: Sequence[Array], weights: Weights) -> RecurrentWeights:
     """Return the network of four rows of scaling and weights by name, of which the lag is a logit."""
-    values = weights | {"lag": unrolled.share_of(weights["lag"])}
+    values = weights | {"lag": unrolled.sigmoid(weights["lag"])}
     return RecurrentWeights(*scaling, **{name: np.asarray(w, dtype=np.float32) for name, w in values.items()})
 
 
-def first_weights(rng: np.random.Generator, units: int) -> Weights:
+def initial_weights(rng: np.random.Generator, units: int) -> Weights:
     """Return weights to begin with: memories last for a second or so, noise is small; the lag is kept as its logit."""
     gates = 3 * units
     weights = {

@@ -71,27 +71,27 @@ def fit_residual(
     rng = np.random.default_rng(seed)
     scaling = scaling_of(windows.led)
 
-    def score_of_some(weights: Weights) -> tuple[float, Weights]:
+    def minibatch_score(weights: Weights) -> tuple[float, Weights]:
         chosen = rng.choice(len(windows), size=min(WINDOWS, len(windows)), replace=False)
         return score_and_gradient(weights, scaling, rollouts_of(windows, chosen, PARTICLES, rng))
 
-    weights = searched(first_weights(rng, HIDDEN_UNITS), score_of_some, iterations or ITERATIONS, say)
+    weights = minimised_by_adam(initial_weights(rng, HIDDEN_UNITS), minibatch_score, iterations or ITERATIONS, say)
     network = scaling._replace(**{name: np.asarray(w, dtype=np.float32) for name, w in weights.items()})
-    return network._replace(lag=share_of(network.lag).astype(np.float32))
+    return network._replace(lag=sigmoid(network.lag).astype(np.float32))
 
 
-def searched(
+def minimised_by_adam(
     weights: Weights,
-    score_of_some: Callable[[Weights], tuple[float, Weights]],
+    minibatch_score: Callable[[Weights], tuple[float, Weights]],
     iterations: int,
     say: Callable[[str], None],
 ) -> Weights:
-    """Return weights of a lower score by Adam, given a function that scores some of the windows, with its gradient."""
+    """Return weights of a lower score by Adam, given a function that scores a minibatch, with its gradient."""
     weights = dict(weights)
     slope, square = ({name: np.zeros_like(w) for name, w in weights.items()} for _ in range(2))
     smoothed = 0.0
     for step in range(1, iterations + 1):
-        score, gradient = score_of_some(weights)
+        score, gradient = minibatch_score(weights)
         smoothed = score if step == 1 else 0.98 * smoothed + 0.02 * score
         if step % 200 == 0 or step == iterations:
             say(f"{step} of {iterations} steps, score {smoothed:.3f}")
@@ -105,7 +105,7 @@ def searched(
     return weights
 
 
-def first_weights(rng: np.random.Generator, hidden: int) -> Weights:
+def initial_weights(rng: np.random.Generator, hidden: int) -> Weights:
     """Return weights to begin with; the lag is kept as its logit."""
     sizes: dict[str, tuple[int, ...]] = {"w1": (residual.INPUTS, hidden), "b1": (hidden,), "w2": (hidden, hidden)}
     sizes |= {"b2": (hidden,), "w3": (hidden,), "b3": (1,)}
@@ -193,8 +193,8 @@ def crps_and_slope(particles: Array, true: Array) -> tuple[FloatArray, FloatArra
     return score.mean(axis=1, keepdims=True), slope.reshape(k, -1)
 
 
-def share_of(logit: Array) -> Array:
-    """Return the share, from 0 to 1, of which a logit is kept."""
+def sigmoid(logit: Array) -> Array:
+    """Return the share, from 0 to 1, that a logit stands for."""
     return np.asarray(1.0 / (1.0 + np.exp(-logit)))
 
 
@@ -240,7 +240,7 @@ def _stepped(
 ) -> tuple[State, WayBack]:
     """Return the particles after a step, and its way back."""
     place, speed, accel = state
-    led, lag = rollouts.led, share_of(weights["lag"])[0]
+    led, lag = rollouts.led, sigmoid(weights["lag"])[0]
     low, high, mean, scale = (part[:, None] for part in scaling[:4])
     distance = np.where(led, rollouts.leader_m[step] - place, FURTHEST_LEADER_M)
     gap, leader_speed = np.maximum(distance, SMALLEST_GAP_M), np.where(led, rollouts.leader_speed_mps[step], speed)

@@ -37,36 +37,36 @@ Choices = tuple[Value, ...]
 Space = Mapping[str, Range | Choices]
 
 
-def _ratio(low: float, high: float) -> Range:
+def _log_range(low: float, high: float) -> Range:
     return Range(low, high, log=True)
 
 
-def _whole(low: int, high: int) -> Range:
+def _integer_range(low: int, high: int) -> Range:
     return Range(low, high, whole=True)
 
 
-_MOTION: Space = {"lon_noise": _ratio(0.1, 10.0), "lat_noise": _ratio(0.01, 1.0)}
-_NOISE: Space = {**_MOTION, "noise_factor": _ratio(0.5, 2.5)}
-_MEMORY: Space = {"largest_std_lon_m": _ratio(2.0, 40.0), "longest_unseen_s": _ratio(0.5, 20.0)}
+_MOTION: Space = {"lon_noise": _log_range(0.1, 10.0), "lat_noise": _log_range(0.01, 1.0)}
+_NOISE: Space = {**_MOTION, "noise_factor": _log_range(0.5, 2.5)}
+_MEMORY: Space = {"largest_std_lon_m": _log_range(2.0, 40.0), "longest_unseen_s": _log_range(0.5, 20.0)}
 _GATE: Space = {"gate_std": Range(2.5, 6.0)}
-_CONFIRM: Space = {"confirm_detections": _whole(1, 10), "birth_speed_std_mps": _ratio(2.0, 20.0)}
-_BIRTH: Space = {**_CONFIRM, "held_unseen_s": _ratio(0.1, 1.5)}
-_BELIEF: Space = {"detection_probability": Range(0.1, 0.95), "clutter_factor": _ratio(0.1, 10.0)}
+_CONFIRM: Space = {"confirm_detections": _integer_range(1, 10), "birth_speed_std_mps": _log_range(2.0, 20.0)}
+_BIRTH: Space = {**_CONFIRM, "held_unseen_s": _log_range(0.1, 1.5)}
+_BELIEF: Space = {"detection_probability": Range(0.1, 0.95), "clutter_factor": _log_range(0.1, 10.0)}
 _STITCHING: Space = {"stitching.margin_m": Range(0.0, 8.0), "stitching.gate_std": Range(1.5, 5.0)}
 # The ego's path is no setting to search: a vehicle that stands there is always reported.
 _DOUBTFUL: Space = {
     "doubtful.on": (False, True),
-    "doubtful.standing_mps": _ratio(0.5, 8.0),
+    "doubtful.standing_mps": _log_range(0.5, 8.0),
     "doubtful.standing_std": Range(0.0, 3.0),
-    "doubtful.flow_mps": _ratio(1.0, 12.0),
+    "doubtful.flow_mps": _log_range(1.0, 12.0),
     "doubtful.moved_s": Range(0.0, 3.0),
-    "doubtful.trusted_after_s": _ratio(1.0, 20.0),
+    "doubtful.trusted_after_s": _log_range(1.0, 20.0),
 }
 _STONE_SOUP: Space = {**_NOISE, **_MEMORY, **_GATE, **_BIRTH, **_DOUBTFUL}
 _JPDA: Space = {**_BELIEF, **_STONE_SOUP}
 _STITCHED: Space = {**_JPDA, **_STITCHING}
 _BOXES: Space = {
-    "longest_unseen_s": _ratio(0.2, 15.0),
+    "longest_unseen_s": _log_range(0.2, 15.0),
     "least_overlap": Range(-0.8, 0.4),
     **_NOISE,
     **_BIRTH,
@@ -74,17 +74,17 @@ _BOXES: Space = {
 }
 # Particles stay as they are: they buy accuracy with time, which no search should trade off.
 _MMPF: Space = {
-    "joint.detectability.run_share": _ratio(0.03, 0.3),
-    "reporting.reported_std_lon_m": _ratio(5.0, 40.0),
-    "joint.association.birth_density": _ratio(0.01, 2.0),
+    "joint.detectability.run_share": _log_range(0.03, 0.3),
+    "reporting.reported_std_lon_m": _log_range(5.0, 40.0),
+    "joint.association.birth_density": _log_range(0.01, 2.0),
     "joint.association.gate_std": Range(3.0, 7.0),
     "joint.existence.confirm_above": Range(0.2, 0.9),
     "joint.existence.confirm_s": Range(0.0, 0.9),
-    "joint.removal.longest_unseen_s": _ratio(4.0, 20.0),
-    "joint.identity.unknown_density": _ratio(1e-6, 1e-3),
-    "model_error.accel": _ratio(0.2, 3.0),
-    "model_error.lat_speed": _ratio(0.05, 0.6),
-    "model_error.hidden_lon_factor": _ratio(0.7, 2.5),
+    "joint.removal.longest_unseen_s": _log_range(4.0, 20.0),
+    "joint.identity.unknown_density": _log_range(1e-6, 1e-3),
+    "model_error.accel": _log_range(0.2, 3.0),
+    "model_error.lat_speed": _log_range(0.05, 0.6),
+    "model_error.hidden_lon_factor": _log_range(0.7, 2.5),
 }
 
 SEARCH_SPACES: dict[str, Space] = {
@@ -94,8 +94,8 @@ SEARCH_SPACES: dict[str, Space] = {
     "stonesoup-jpda-stitched": _STITCHED,
     "immortal-kalman": {
         "association": ("distance", "mahalanobis"),
-        "gate_lon_m": _ratio(2.0, 15.0),
-        "gate_lat_m": _ratio(0.6, 3.0),
+        "gate_lon_m": _log_range(2.0, 15.0),
+        "gate_lat_m": _log_range(0.6, 3.0),
         **_NOISE,
         **_GATE,
         **_BIRTH,
@@ -104,16 +104,16 @@ SEARCH_SPACES: dict[str, Space] = {
     "box-kalman": {"association": ("overlap", "mahalanobis"), **_BOXES},
     # Its three parts make the method what it is: no search switches one off.
     "oc-sort": {
-        "momentum_weight": _ratio(0.05, 2.0),
+        "momentum_weight": _log_range(0.05, 2.0),
         "recovery_overlap": Range(-0.5, 0.8),
-        "momentum_s": _ratio(0.1, 1.5),
+        "momentum_s": _log_range(0.1, 1.5),
         **_BOXES,
     },
     "pmbm": {
         "shadow_aware": (True, False),
-        "newcomer_share": _ratio(0.001, 0.5),
+        "newcomer_share": _log_range(0.001, 0.5),
         "reported_existence": Range(0.2, 0.9),
-        "longest_unseen_s": _ratio(2.0, 20.0),
+        "longest_unseen_s": _log_range(2.0, 20.0),
         "gate_std": Range(3.0, 7.0),
         **_BELIEF,
         **_NOISE,
@@ -121,16 +121,16 @@ SEARCH_SPACES: dict[str, Space] = {
         **_DOUBTFUL,
     },
     "lmb": {
-        "birth_existence": _ratio(0.001, 0.3),
+        "birth_existence": _log_range(0.001, 0.3),
         "reported_existence": Range(0.2, 0.9),
-        "longest_unseen_s": _ratio(0.5, 20.0),
-        "stay_s": _ratio(3.0, 300.0),
+        "longest_unseen_s": _log_range(0.5, 20.0),
+        "stay_s": _log_range(3.0, 300.0),
         **_BELIEF,
         **_NOISE,
         **_CONFIRM,
         **_DOUBTFUL,
     },
-    "oracle-kalman": {**_MOTION, "longest_unseen_s": _ratio(2.0, 20.0), "confirm_detections": _whole(1, 8)},
+    "oracle-kalman": {**_MOTION, "longest_unseen_s": _log_range(2.0, 20.0), "confirm_detections": _integer_range(1, 8)},
 }
 
 DEFAULTS_IN_CODE = frozenset({"mmpf"})

@@ -30,7 +30,7 @@ def test_the_score_in_the_fit_is_that_of_the_model_in_use():
     rng, count, p = np.random.default_rng(0), 12, recurrent_fit.PARTICLES
     some = windows(count, rng, gap_m=40.0, pull=0.3)
     parts = [part[:5] for part in recurrent_fit.scaling_of(some)[:4]]
-    weights = recurrent_fit.first_weights(rng, 8)
+    weights = recurrent_fit.initial_weights(rng, 8)
     inputs = recurrent_fit.drawn_inputs(some, np.arange(count), rng)
     inputs["led"] = np.arange(count * p) >= 2 * p
     found, _ = recurrent_fit.compiled_score(*parts)(weights, inputs)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.lab.fit.unrolled import crps_and_slope, first_weights, fit_residual, rollouts_of, score_and_gradient
+from harness.lab.fit.unrolled import crps_and_slope, fit_residual, initial_weights, rollouts_of, score_and_gradient
 from harness.lab.windows.car_following import CarFollowing
 from harness.lab.windows.cases import cases_of
 from harness.lab.windows.filtering import follow, score
@@ -38,7 +38,7 @@ def test_the_gradient_through_a_rollout_is_that_of_differences():
     rollouts = replace(rollouts, **(exact | {"led": np.arange(len(rollouts.led)) >= 4}))
     ranges = (np.full(SEEN, -50.0), np.full(SEEN, 100.0), np.full(SEEN, 2.0), np.full(SEEN, 3.0))
     scaling = NetworkWeights(*ranges, *[np.zeros(1)] * 7)
-    weights = {name: w.astype(np.float64) for name, w in first_weights(rng, 5).items()}
+    weights = {name: w.astype(np.float64) for name, w in initial_weights(rng, 5).items()}
     weights["w3"] *= 10.0
     _, gradient = score_and_gradient(weights, scaling, rollouts)
     for name, values in weights.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from harness.running.odd import odd_reports, oddities, tell_oddities
+from harness.running.plausibility import implausible_reports, implausible_truth, warn_of_implausible
 from mmpf.map.corridor_road import highway
 from tests.harness.recorded_scene import detection_table, track_table, truth_table
 
@@ -21,19 +21,19 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_no_vehicle_does_is_told_of_and_what_one_does_is_not(kind):
-    assert not oddities(truth_table({}), highway())
-    assert any(kind in found for found in oddities(truth_table({}).eval(KINDS[kind]), highway()))
+    assert not implausible_truth(truth_table({}), highway())
+    assert any(kind in found for found in implausible_truth(truth_table({}).eval(KINDS[kind]), highway()))
 
 
 @pytest.mark.parametrize(
-    ("kind", "odd"), [("speed_mps = 0\nlon_m = 50", False), ("width_m = 0.7", False), ("speed_mps = 20", True)]
+    ("kind", "warned"), [("speed_mps = 0\nlon_m = 50", False), ("width_m = 0.7", False), ("speed_mps = 20", True)]
 )
-def test_a_parked_vehicle_that_is_annotated_twice_and_a_rider_are_usual(kind, odd):
+def test_a_parked_vehicle_that_is_annotated_twice_and_a_rider_are_usual(kind, warned):
     lanes = [truth_table({name: f"{name}{lane}" for name in ("ego", "near", "far")}) for lane in range(4)]
     one = truth_table({}).query("vehicle_id == 'near'").eval(f"lat_m = 50\n{kind}")
     many = [rows.assign(lat_m=4 * lane) for lane, rows in enumerate(lanes)]
-    found = oddities(pd.concat([*many, one, one.assign(vehicle_id="twice")]))
-    assert any("where another is" in each for each in found) == odd
+    found = implausible_truth(pd.concat([*many, one, one.assign(vehicle_id="twice")]))
+    assert any("where another is" in each for each in found) == warned
 
 
 def test_detections_and_tracks_in_another_frame_are_told_of_once_a_run(capsys):
@@ -41,13 +41,13 @@ def test_detections_and_tracks_in_another_frame_are_told_of_once_a_run(capsys):
     tables = {"truth": truth_table({}), "detections": detection_table({}), "tracks": track_table()}
     for lat_m in (5.0, 25.0, 25.0):
         moved = {f"{key}.parquet": rows.assign(lat_m=lat_m) if key != "truth" else rows for key, rows in tables.items()}
-        tell_oddities(moved, highway(), told)
+        warn_of_implausible(moved, highway(), told)
     (line,) = capsys.readouterr().err.splitlines()
     assert "detections are over 10 m from their vehicles; tracks are over 10 m from any" in line
 
 
 def test_tracks_that_follow_clutter_are_no_fault_of_their_frame():
     detections, tracks = detection_table({}), track_table().assign(lat_m=25.0)
-    assert odd_reports(truth_table({}), detections, tracks)
+    assert implausible_reports(truth_table({}), detections, tracks)
     clutter = tracks.assign(truth_id="")
-    assert not odd_reports(truth_table({}), pd.concat([detections, clutter]), tracks)
+    assert not implausible_reports(truth_table({}), pd.concat([detections, clutter]), tracks)

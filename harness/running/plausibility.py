@@ -1,4 +1,4 @@
-"""Tells what is unlikely of a run's tables that can be read; real recordings of odd places may be told of too."""
+"""Warns of what is implausible in a run's tables; real recordings of unusual places may be warned of too."""
 
 from __future__ import annotations
 
@@ -22,34 +22,35 @@ MOVING_MPS, TURNED_RAD, HARDEST_MPS2, NEAR_M, GROWTH = 3.0, np.deg2rad(30.0), 15
 LENGTH_M, WIDTH_M, LONGEST_M, STD_M = (2.5, 12.0), (1.2, 3.5), 26.0, (0.005, 100.0)
 FEWEST_ROWS, FEWEST_VEHICLES, FAR_M, MOST_MPS2 = 20, 20, 10.0, 50.0
 FEW, SOME, HALF = 0.02, 0.1, 0.5
-"""Shares of rows or vehicles: what is odd of more than this is told of."""
+"""Shares of rows or vehicles above which a check fails."""
 APART_M = 1e6
 """Between steps, where places of all steps are in one tree."""
 
 
-class Oddity(NamedTuple):
-    """Something unlikely: what it is, and in which share of cases it is so against the most that is usual."""
+class Check(NamedTuple):
+    """A check: what is implausible, in which share of cases it is so, and the largest share that is usual."""
 
     words: str
     share: float
     most: float
 
 
-def tell_oddities(tables: Mapping[str, pd.DataFrame], road: Road, told: set[str]) -> None:
-    """Write a line to stderr if truth, detections or tracks of a run, its tables by file name, are unlikely.
+def warn_of_implausible(tables: Mapping[str, pd.DataFrame], road: Road, told: set[str]) -> None:
+    """Write a line to stderr if truth, detections or tracks of a run, its tables by file name, are implausible.
 
     Args:
         told: What the run's earlier stretches were told of, which is not told of again; what is new is added.
     """
     truth, detections, tracks = (tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS))
-    found = [f"a vehicle {kind}" for kind in oddities(truth, road)] + odd_reports(truth, detections, tracks)
+    found = [f"a vehicle {kind}" for kind in implausible_truth(truth, road)]
+    found += implausible_reports(truth, detections, tracks)
     if new := "; ".join(kind for kind in found if kind not in told):
         sys.stderr.write(f"warning: this is unlikely: {new}; check its units, axes, times and names, or the tracker\n")
     told.update(found)
 
 
-def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> list[str]:
-    """Return what is unlikely of tables of detections and tracks beside that of the truth, in words.
+def implausible_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> list[str]:
+    """Return what is implausible in tables of detections and tracks beside that of the truth, in words.
 
     Tracks may follow clutter, as most do at the start of a run among few vehicles.
     """
@@ -70,8 +71,8 @@ def odd_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFr
     return [kind for kind, share in shares.items() if share > HALF]
 
 
-def oddities(truth: pd.DataFrame, road: Road | None = None) -> list[str]:
-    """Return what is unlikely of vehicles of a table of truth, in words; people on foot do not count."""
+def implausible_truth(truth: pd.DataFrame, road: Road | None = None) -> list[str]:
+    """Return what is implausible of vehicles of a table of truth, in words; people on foot do not count."""
     if "pedestrian" in truth:
         truth = truth[~truth["pedestrian"].fillna(False).astype(bool)]
     # Of recordings with a detector's boxes, what is no vehicle is never in range.
@@ -82,11 +83,11 @@ def oddities(truth: pd.DataFrame, road: Road | None = None) -> list[str]:
     if rows["step"].min() == rows["step"].max():
         return ["is on record at one moment"]
     who = rows.groupby(["episode", "vehicle_id"], sort=False).ngroup().to_numpy(dtype=np.int64)
-    found = [*_odd_moves(rows, who), *_odd_places(rows, road), *_odd_sizes(rows, who)]
+    found = [*_checks_of_moves(rows, who), *_checks_of_places(rows, road), *_checks_of_sizes(rows, who)]
     return [each.words for each in found if each.share > each.most]
 
 
-def _odd_moves(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Oddity]:
+def _checks_of_moves(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Check]:
     first, last = _windows(rows, who)
     along, time_s, heading = (rows[name].to_numpy(dtype=np.float64) for name in ("speed_mps", "time_s", "heading_rad"))
     moved = np.full((len(rows), 2), np.nan)
@@ -98,15 +99,15 @@ def _odd_moves(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Oddity]:
     next_step = (np.diff(who) == 0) & (np.diff(rows["step"]) == 1)
     said_mps2 = np.abs(np.diff(along)[next_step] / np.diff(time_s)[next_step])
     at_once = max(_share(change_mps2 > HARDEST_MPS2), _share(said_mps2 > 3.0 * HARDEST_MPS2))
-    yield Oddity("moves not where it points", _share(off_rad[went_mps > MOVING_MPS] > TURNED_RAD), FEW)
+    yield Check("moves not where it points", _share(off_rad[went_mps > MOVING_MPS] > TURNED_RAD), FEW)
     backwards = (along[first] * np.cos(off_rad) < -MOVING_MPS)[went_mps > MOVING_MPS]
-    yield Oddity("moves not as fast as it says", max(_unlike(rows, who), _share(backwards)), 2.0 * FEW)
-    yield Oddity("drives faster than 259 km/h", _share(went_mps > 0.9 * LEAP_MPS), FEW)
-    yield Oddity("changes its speed at once", at_once, FEW)
-    yield Oddity("is on record at one moment", _share(np.bincount(who) == 1), HALF if who[-1] >= FEWEST_VEHICLES else 1)
+    yield Check("moves not as fast as it says", max(_unlike(rows, who), _share(backwards)), 2.0 * FEW)
+    yield Check("drives faster than 259 km/h", _share(went_mps > 0.9 * LEAP_MPS), FEW)
+    yield Check("changes its speed at once", at_once, FEW)
+    yield Check("is on record at one moment", _share(np.bincount(who) == 1), HALF if who[-1] >= FEWEST_VEHICLES else 1)
 
 
-def _odd_places(rows: pd.DataFrame, road: Road | None) -> Iterator[Oddity]:
+def _checks_of_places(rows: pd.DataFrame, road: Road | None) -> Iterator[Check]:
     pairs = cKDTree(_places(rows)).query_pairs(NEAR_M, output_type="ndarray")
     # In sound logs a vehicle that stands is annotated twice, and riders are on what they ride.
     moves, rides = np.abs(rows["speed_mps"]) > MOVING_MPS, rows["width_m"] < WIDTH_M[0]
@@ -115,19 +116,19 @@ def _odd_places(rows: pd.DataFrame, road: Road | None) -> Iterator[Oddity]:
     # Whoever reads logs in the plane puts none on a lane.
     mapped = road is not None and (bool(road.lanes) or (any(True for _ in road.lines()) and rows["lane"].any()))
     off_lanes = rows["lane"].to_numpy()[np.abs(rows["speed_mps"]) > MOVING_MPS] == NO_LANE
-    yield Oddity("is where another is", in_drive.sum() / len(rows), 0.0 if with_ego else FEW)
-    yield Oddity("stands where another is", (~in_drive).sum() / len(rows), SOME)
-    yield Oddity("drives beside the lanes", _share(off_lanes), HALF if mapped else 1.0)
+    yield Check("is where another is", in_drive.sum() / len(rows), 0.0 if with_ego else FEW)
+    yield Check("stands where another is", (~in_drive).sum() / len(rows), SOME)
+    yield Check("drives beside the lanes", _share(off_lanes), HALF if mapped else 1.0)
 
 
-def _odd_sizes(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Oddity]:
+def _checks_of_sizes(rows: pd.DataFrame, who: npt.NDArray[Any]) -> Iterator[Check]:
     size = rows.groupby(who)[["length_m", "width_m"]]
     length_m, width_m = size.median().to_numpy().T
     usual = LENGTH_M[0] <= np.median(length_m) <= LENGTH_M[1] and WIDTH_M[0] <= np.median(width_m) <= WIDTH_M[1]
-    yield Oddity("changes its size", _share((size.max() / size.min()).to_numpy().max(axis=1) > GROWTH), SOME)
-    yield Oddity("is wider than long", _share(width_m > length_m), FEW)
-    yield Oddity("is longer than 26 m", float((length_m > LONGEST_M).any()), 0.0)
-    yield Oddity("has no usual size", float(len(length_m) > 2 and not usual), 0.0)
+    yield Check("changes its size", _share((size.max() / size.min()).to_numpy().max(axis=1) > GROWTH), SOME)
+    yield Check("is wider than long", _share(width_m > length_m), FEW)
+    yield Check("is longer than 26 m", float((length_m > LONGEST_M).any()), 0.0)
+    yield Check("has no usual size", float(len(length_m) > 2 and not usual), 0.0)
 
 
 def _places(rows: pd.DataFrame) -> FloatArray:
@@ -159,5 +160,5 @@ def _unlike(rows: pd.DataFrame, who: npt.NDArray[Any]) -> float:
     return _share(np.abs(said - speed) > 1.5 + 0.2 * np.maximum(said, speed))
 
 
-def _share(odd: npt.NDArray[np.bool_] | pd.Series) -> float:
-    return float(odd.mean()) if len(odd) else 0.0
+def _share(cases: npt.NDArray[np.bool_] | pd.Series) -> float:
+    return float(cases.mean()) if len(cases) else 0.0
