@@ -128,7 +128,7 @@ def frame_of(rows: Rows) -> Frame:
 
 def _detection_columns(snapshot: Snapshot) -> Columns:
     observation, detections = snapshot.observation, snapshot.observation.scan.detections
-    values = {**_when(snapshot.frame), **vars(detections)}
+    values = {**when_of(snapshot.frame), **vars(detections)}
     if detections.sizes is not None:
         values |= vars(detections.sizes)
     if detections.headings is not None:
@@ -171,10 +171,11 @@ def _values(rows: pd.DataFrame, column: Column) -> npt.NDArray[Any]:
 
 def _track_columns(frame: Frame, tracks: Tracks) -> Columns:
     values = {name: np.round(values, TRACK_DECIMALS) for name, values in vars(tracks).items()}
-    return _columns(TRACKS, len(tracks), {**_when(frame), **values})
+    return _columns(TRACKS, len(tracks), {**when_of(frame), **values})
 
 
-def _when(frame: Frame) -> dict[str, Any]:
+def when_of(frame: Frame) -> dict[str, Any]:
+    """Return a frame's step, time and episode by the names of the tables' columns."""
     return {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from harness.running.recorder import when_of
 from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.sensor.observation import Snapshot
 from harness.trackers.protocol import AnyTracker, TellsUnseen
@@ -85,10 +86,9 @@ def by_stretch(frame: Frame, unseen: Unseen) -> pd.DataFrame:
     to_lon, to_lat = place((first + count - 1)[whole], 0.5)
     places = {"from_lon_m": from_lon, "from_lat_m": from_lat, "to_lon_m": to_lon, "to_lat_m": to_lat}
     expected = np.bincount(cell, unseen.expected, minlength=len(first))[whole]
-    when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
     return pd.DataFrame(
         {
-            **{name: np.full(len(expected), value) for name, value in when.items()},
+            **{name: np.full(len(expected), value) for name, value in when_of(frame).items()},
             "stretch": cells.stretch[first][whole],
             **{name: np.round(values, PLACE_DECIMALS) for name, values in places.items()},
             "expected": np.round(expected, EXPECTED_DECIMALS),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from harness.running.recorder import when_of
 from harness.sensor.observation import Snapshot
 from harness.storage.run_folder import DIAGNOSTICS
 from harness.storage.schema import TABLES
@@ -73,8 +74,7 @@ class DiagnosticsKeeper:
         """Look at one step; a tracker that tells nothing leaves no row."""
         if (report := report_of(tracker)) is None:
             return
-        frame = snapshot.frame
-        when = {"step": frame.step, "time_s": frame.time_s, "episode": frame.episode}
+        when = when_of(snapshot.frame)
         # The wall times of the stages are no part of the table: equal runs give equal tables.
         names = (name for name in TABLES[DIAGNOSTICS].needed if name not in when)
         self._rows.append(when | {name: getattr(report, name) for name in names})
