@@ -384,6 +384,8 @@ function drawFollowed(pen, camera) {
   pen.strokeStyle = colourOf("black");
   pen.lineWidth = 2.5;
   pen.stroke();
+  const [x, y] = [0, 1].map((axis) => bodyOf(camera, row).map((corner) => corner[axis])); // no other's number stands on it
+  written.push([Math.min(...x) + 2, Math.max(...x) - 2, Math.min(...y) + 2, Math.max(...y) - 2]);
 }
 
 function nameFollowed(pen, camera) {
