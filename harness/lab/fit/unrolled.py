@@ -65,7 +65,7 @@ class Rollouts:
 
 
 def fit_residual(
-    windows: CarFollowing, seed: int, say: Callable[[str], None], iterations: int | None = None
+    windows: CarFollowing, seed: int, say: Callable[[str], None], iterations: int = ITERATIONS
 ) -> NetworkWeights:
     """Fit a network to windows of car following by Adam (Kingma and Ba, ICLR 2015)."""
     rng = np.random.default_rng(seed)
@@ -75,7 +75,7 @@ def fit_residual(
         chosen = rng.choice(len(windows), size=min(WINDOWS, len(windows)), replace=False)
         return score_and_gradient(weights, scaling, rollouts_of(windows, chosen, PARTICLES, rng))
 
-    weights = minimised_by_adam(initial_weights(rng, HIDDEN_UNITS), minibatch_score, iterations or ITERATIONS, say)
+    weights = minimised_by_adam(initial_weights(rng, HIDDEN_UNITS), minibatch_score, iterations, say)
     network = scaling._replace(**{name: np.asarray(w, dtype=np.float32) for name, w in weights.items()})
     return network._replace(lag=sigmoid(network.lag).astype(np.float32))
 

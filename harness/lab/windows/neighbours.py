@@ -11,9 +11,8 @@ from mmpf.map.road import Road
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 NOBODY = -1
-_STEP_KEY = 1.0e7
-_LANE_KEY = 1.0e5
-_LONGEST_ROAD_M = 0.5 * _LANE_KEY
+# Places from 25 km behind the road's origin to 75 km beyond it have keys of their own lane.
+_STEP_KEY, _LANE_KEY, _BEHIND_M = 1e7, 1e5, 2.5e4
 
 
 @dataclass(frozen=True)
@@ -59,4 +58,4 @@ def lane_lines(road: Road, lane: IntArray) -> FloatArray:
 
 
 def _key(step: IntArray, lane: IntArray, lon_m: FloatArray) -> FloatArray:
-    return np.asarray(step * _STEP_KEY + lane * _LANE_KEY + lon_m + _LONGEST_ROAD_M * 0.5)
+    return np.asarray(step * _STEP_KEY + lane * _LANE_KEY + lon_m + _BEHIND_M)
