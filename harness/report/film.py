@@ -15,7 +15,6 @@ from harness.report.run_charts import NAMES
 from harness.report.scene import BEARINGS, OUT_OF_SIGHT, SEEN_GROUND, SHADOW, corners, shadow_outlines, view_outline
 from harness.running.finished import RecordedRun
 from harness.running.recorder import detections_of, frame_of
-from harness.running.replay import by_step
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray
 from mmpf.scan import EgoPose
@@ -53,9 +52,9 @@ def write_film(run: RecordedRun, path: Path) -> None:
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0
     writer = imageio_ffmpeg.write_frames(str(path), (WIDTH, HEIGHT), fps=rate, output_params=["-f", "mp4"], quality=7)
     writer.send(None)
-    tracks, detections = by_step(run.tracks), by_step(run.detections)
+    tracks, detections = (dict(list(table.groupby("step"))) for table in (run.tracks, run.detections))
     try:
-        for step, truth in by_step(run.truth).items():
+        for step, truth in run.truth.groupby("step"):
             picture = draw_frame(run, truth, detections.get(step, run.detections[:0]), tracks.get(step, run.tracks[:0]))
             writer.send(np.ascontiguousarray(picture))
     finally:

@@ -95,11 +95,6 @@ def _check_content(truth: pd.DataFrame, detections: pd.DataFrame) -> None:
         raise ValueError("the times of the steps do not ascend")
 
 
-def by_step(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
-    """Return each step's rows in order of the steps."""
-    return {int(str(step)): rows for step, rows in table.groupby("step")}
-
-
 def _observation(frame: Frame, truth: Columns, seen: Columns, road: Road, settings: SensorSettings) -> Observation:
     """Return what was recorded of a frame; the sensor's shadows follow from its detections again."""
     detections, ego = detections_of(seen), frame.ego_pose
