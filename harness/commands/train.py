@@ -57,7 +57,8 @@ class Options(TypedDict):
 def command(options: Options) -> None:
     """Record SUMO traffic, fit motion models to it, and write model files with their cards.
 
-    Recordings are kept, so an interrupted training can continue.
+    Recordings are kept, so an interrupted training can continue. A model
+    file carries a digest: one that was altered since is refused.
 
     Examples:
       python -m harness train --net us101 --case lane-keeping
