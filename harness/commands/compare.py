@@ -41,7 +41,8 @@ class Options(TypedDict):
     primary: Annotated[
         str | None,
         Option(
-            "Metrics that get a verdict, separated by commas; others are only in the files of --html and --markdown. "
+            "Metrics that get a verdict, separated by commas; your own as MODULE:KEY. Others are only in the files of "
+            "--html and --markdown. "
             "(default: mot.hota, hidden.hidden_cost_m, occlusion.same_id_percent, in_plain_view.recall, "
             "in_plain_view.worst_tenth; for drives drive.collided_percent, drive.ttc_below_1_5_percent, "
             "drive.hard_brakes_per_km)"

@@ -205,14 +205,10 @@ def tracker(step: str, word: str, code: int = 3, make: str = "pass") -> Input:
     return Input(write, word, code, forks=False)
 
 
-def model(**factors: float) -> Input:
-    def make(folder: Path) -> list[str]:
-        with np.load(MODELS / "lane_keeping.npz") as stored:
-            arrays = {name: stored[name] * factors.get(name, 1) if name in factors else stored[name] for name in stored}
-        np.savez(folder / "model.npz", **arrays)
-        return ["run", "--replay", str(scene(folder)), "--model-file", "model.npz", "--particles", "20", *OUT]
-
-    return Input(make, "model.npz")
+def altered_model(folder: Path) -> list[str]:
+    with np.load(MODELS / "residual.npz") as stored:
+        np.savez(folder / "model.npz", **{name: 1.01 * values for name, values in stored.items()})
+    return ["run", "--replay", str(scene(folder)), "--model-file", "model.npz", "--particles", "20", *OUT]
 
 
 SIGN = '<a><variableSpeedSign id="v" lanes="upstream_0" file="/etc/passwd"/></a>'
@@ -355,7 +351,7 @@ INPUTS: dict[str, Input] = {
         "d = scan.detections; d.lon_m.flags.writeable = True; d.lon_m[:] = 5.0", "", 0
     ),
     # Model files.
-    "covariances of 1e-300": model(covariances=1e-300),
+    "numbers of a model": Input(altered_model, "was altered"),
 }
 SLOW = re.compile(
     r"fcd4|fcd33|av214|rf45|rf14|net25|net27|net36|net44|sec0[246]|64 GB|beside the net|\[own|wrong dir|meta"

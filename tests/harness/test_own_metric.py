@@ -3,6 +3,8 @@
 import copy
 import json
 import shutil
+import subprocess
+import sys
 
 import pandas as pd
 import pytest
@@ -96,3 +98,14 @@ def test_runs_made_before_it_are_compared_without_it(finished, tmp_path):
 def test_it_is_in_the_tables_of_recorded_traffic_and_of_the_ablation():
     assert TRACKS_PER_STEP in pooled_quantities()
     assert TRACKS_PER_STEP in ablated_quantities()
+
+
+def test_a_comparison_in_another_process_judges_it_where_its_module_is_named(finished, tmp_path):
+    quantity = "plugins.Quantity('toy.tracks', 'tracks a step')"
+    (tmp_path / "mine.py").write_text(
+        f"from harness import plugins\nplugins.register_metric('toy', {quantity})(dict)\n"
+    )
+    for name, code, word in (("mine:", 0, "tracks a step"), ("", 2, "no such metric"), ("none:", 2, "can't import")):
+        words = ["-m", "harness", "compare", *2 * [str(finished.folder)], "--primary", f"{name}toy.tracks"]
+        told = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, check=False)
+        assert (told.returncode, word in told.stderr.decode()) == (code, True)

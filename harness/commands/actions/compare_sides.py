@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Mapping
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from harness.analysis.comparison_text import as_markdown, print_comparison
 from harness.analysis.gate import as_junit, as_summary
 from harness.analysis.rules import read_gate
 from harness.analysis.sources import STANDARD, Source, open_source
+from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.common.files import replacing, write_text, writing
@@ -40,7 +42,8 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     for parameter in () if options["force"] else WRITTEN:
         _check_free(options[parameter], parameter)
     gate = read_gate(options["gate"])
-    primary = None if options["primary"] is None else tuple(names(options["primary"], "primary", "mot.hota"))
+    named = None if options["primary"] is None else names(options["primary"], "primary", "mot.hota")
+    primary = None if named is None else tuple(map(_metric, named))
     rules = gate.rules(options["tolerance"], options["time_tolerance"], primary)
     if (sides := _sides(options)) is None:
         return 0
@@ -60,6 +63,20 @@ def compare_sides(options: Mapping[str, Any]) -> int:
         typer.echo(json.dumps(comparison.as_table(), indent=2))
     undecided = DONE if options["allow_undecided"] or gate.allow_undecided else UNDECIDED
     return {"worse": WORSE, "undecided": undecided}.get(comparison.outcome, DONE)
+
+
+def _metric(name: str) -> str:
+    """Return the key of a metric; of MODULE:KEY, after importing the module that registers it."""
+    module, _, key = name.rpartition(":")
+    if module:
+        try:
+            import_module(module)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            told = f"can't import {module}: {what_it_raised(error)}"
+            raise InputError(f"`primary`: {told}; is it in the working folder or on PYTHONPATH?") from None
+    return key
 
 
 def _check_used(options: Mapping[str, Any]) -> None:

@@ -45,9 +45,8 @@ def test_an_archive_beyond_the_limits_is_refused_at_once(entries, tmp_path):
         for name, content in entries.items():
             archive.writestr(name, content)
     begin = time.perf_counter()
-    with pytest.raises(ModelFileError, match=r"model\.npz") as told:
+    with pytest.raises(ModelFileError, match=r"\A.*model\.npz.*\Z"):
         load_arrays(path, "test")
-    assert "\n" not in str(told.value)
     assert time.perf_counter() - begin < 2.0
 
 

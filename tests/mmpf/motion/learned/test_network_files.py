@@ -23,17 +23,11 @@ def test_a_network_is_read_back_as_it_was_written(kind, tmp_path):
         np.testing.assert_array_equal(mine, read)
 
 
-@pytest.mark.parametrize(
-    ("kind", "name", "value"),
-    [
-        ("recurrent", "u", np.zeros((3, 2))),
-        ("residual", "w2", np.zeros((3, 2))),
-    ],
-)
-def test_a_file_that_holds_no_network_is_refused(kind, name, value, tmp_path):
+@pytest.mark.parametrize(("kind", "name"), [("recurrent", "u"), ("residual", "w2")])
+def test_a_file_that_holds_no_network_is_refused(kind, name, tmp_path):
     driver, save, load = KINDS[kind]
     path = tmp_path / "own.npz"
     save(path, driver().model.follower.network)
-    save_arrays(path, load_arrays(path, kind) | {name: value})
+    save_arrays(path, load_arrays(path, kind) | {name: np.zeros((3, 2))})
     with pytest.raises(ModelFileError, match=name):
         load(path)
