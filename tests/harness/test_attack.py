@@ -370,7 +370,7 @@ def test_an_input_that_once_got_through_is_one_short_line_and_writes_nothing(nam
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "bad", raising=False)
-    monkeypatch.setattr("harness.common.isolation.ProcessLimits.cpu_s", 2 if "comment of" in name else 10)
+    monkeypatch.setattr("harness.common.isolation.ProcessLimits.cpu_s", 2 if "comment of" in name else 5)
     words = INPUTS[name].make(tmp_path)
     before = untouched(tmp_path)
     with nullcontext() if INPUTS[name].forks else trusted():
