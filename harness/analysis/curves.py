@@ -194,7 +194,7 @@ def sums_and_weights(runs: pd.DataFrame, quantity: Quantity) -> tuple[FloatArray
         return quantity.pooled(partial(column_of, runs))
     values = column_of(runs, quantity.key)
     weight = column_of(runs, quantity.weight) if quantity.weight else np.ones(len(runs))
-    if quantity.is_root:  # linear in squares about the root of all, so that the interval is that of the root
+    if quantity.is_root:  # the root of the mean square of all, linearised there: intervals have the unit of the root
         square = float(np.nansum(weight * values**2) / max(np.nansum(weight), 1.0))
         return weight * (values**2 + square) / (2.0 * np.sqrt(square) or 1.0), weight
     return values * weight if quantity.scale is None else quantity.scale * values, weight
