@@ -44,11 +44,10 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     clock, tf, *objects = TOPICS
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     poses = dict(zip(ego["step"].tolist(), np.column_stack(run.in_plane(ego)).tolist(), strict=True))
-    tracks = run.tracks[(run.tracks["state"] != "tentative").to_numpy()]
     others = run.truth[~run.truth["is_ego"].to_numpy(dtype=bool)]
     boxes = (
         _by_step(run.detections, _detected(run)),
-        _by_step(tracks, _tracked(run, tracks)),
+        _by_step(run.reported, _tracked(run, run.reported)),
         _by_step(others, _of_truth(run, others)),
     )
     path = folder / FILE

@@ -37,7 +37,6 @@ def curves_of(run: RecordedRun) -> Curves:
     truth = run.truth
     steps, first = np.unique(truth["step"].to_numpy(), return_index=True)
     others = truth[~truth["is_ego"].to_numpy(dtype=bool) & truth["in_range"].to_numpy(dtype=bool)]
-    reported = run.tracks[run.tracks["state"] != "tentative"]
     return Curves(
         time_s=floats(truth, "time_s")[first],
         error_m={"seen": _mean_error(run, others, SEEN, steps), "hidden": _mean_error(run, others, HIDDEN, steps)},
@@ -45,8 +44,8 @@ def curves_of(run: RecordedRun) -> Curves:
             "seen vehicles": _counted(others[others["state"].isin(SEEN)], steps),
             "hidden vehicles": _counted(others[others["state"].isin(HIDDEN)], steps),
             "detections": _counted(run.detections, steps),
-            "tracks": _counted(reported, steps),
-            "tracks taken for hidden": _counted(reported[reported["state"] == "hidden"], steps),
+            "tracks": _counted(run.reported, steps),
+            "tracks taken for hidden": _counted(run.reported[run.reported["state"] == "hidden"], steps),
         },
     )
 

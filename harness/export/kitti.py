@@ -70,7 +70,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     (folder / "data_0").mkdir()
     written = []
     for episode, (name, sequence) in enumerate(played):
-        lines = _lines(_of_episode(run.tracks, run.truth, episode, first), sequence)
+        lines = _lines(_of_episode(run.reported, run.truth, episode, first), sequence)
         path = folder / "data_0" / name
         path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
         written.append(path)
@@ -87,9 +87,9 @@ def _read(files: kitti.SequenceFiles, least_score: float) -> _Sequence:
 
 
 def _of_episode(tracks: pd.DataFrame, truth: pd.DataFrame, episode: int, first: int) -> pd.DataFrame:
-    """Return the reported tracks of an episode, with the frames of its sequence as steps."""
+    """Return the tracks of an episode, with the frames of its sequence as steps."""
     begin = int(truth["step"][truth["episode"] == episode].min())
-    own = tracks[(tracks["episode"] == episode) & (tracks["state"] != "tentative")]
+    own = tracks[tracks["episode"] == episode]
     return own.assign(step=own["step"] - begin + first)
 
 

@@ -146,7 +146,7 @@ def _detections(run: RecordedRun) -> _Boxes:
 
 
 def _tracks(run: RecordedRun) -> _Boxes:
-    tracks = run.tracks[(run.tracks["state"] != "tentative").to_numpy()]
+    tracks = run.reported
     states = tracks["state"].tolist()
     spread = tracks[["existence", "std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     return _Boxes(

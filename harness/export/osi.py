@@ -46,8 +46,8 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     numbers = {str(name): number for number, name in enumerate(names, start=1)}
     files = [folder / name for name in (GROUND_TRUTH, DETECTIONS, TRACKS, VEHICLES)]
     _write_trace(files[0], _ground_truth(run, codes.astype(np.int64) + 1, first_lane=len(names) + 1))
-    found, whose = run.detections, (run.tracks[name].to_numpy() for name in ("episode", "track_id"))
-    found, tracks = _sized(found, detection_sizes(found)), _sized(run.tracks, track_sizes(run, *whose))
+    found, whose = run.detections, (run.reported[name].to_numpy() for name in ("episode", "track_id"))
+    found, tracks = _sized(found, detection_sizes(found)), _sized(run.reported, track_sizes(run, *whose))
     _write_trace(files[1], _sensor_data(run, found, partial(_describe_detection, numbers)))
     _write_trace(files[2], _sensor_data(run, tracks, _describe_track))
     rows = [f"{number},{name}" for name, number in numbers.items()]

@@ -43,7 +43,7 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
         recording.log("road", _lanes(run), static=True)
         _send(recording, "truth", run.truth, _truth_columns(run))
         _send(recording, "detections", run.detections, _detection_columns(run))
-        _send(recording, "tracks", run.tracks, _track_columns(run))
+        _send(recording, "tracks", run.reported, _track_columns(run))
         ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
         _send(recording, EGO, ego, rr.Points3D.columns(positions=_places(run, ego, HEIGHT_M)))
         recording.log(EGO, rr.Points3D.from_fields(colors=[_rgb([palette.EGO_COLOUR])[0]], radii=[0.3]), static=True)
@@ -114,13 +114,13 @@ def _detection_columns(run: RecordedRun) -> Any:  # noqa: ANN401
 
 
 def _track_columns(run: RecordedRun) -> Any:  # noqa: ANN401
-    spread = palette.ELLIPSE_SCALE * run.tracks[["std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
+    spread = palette.ELLIPSE_SCALE * run.reported[["std_lon_m", "std_lat_m"]].to_numpy(dtype=np.float64)
     return rr.Ellipsoids3D.columns(
-        centers=_places(run, run.tracks, HEIGHT_M + 0.1),
+        centers=_places(run, run.reported, HEIGHT_M + 0.1),
         half_sizes=np.column_stack([spread, np.full(len(spread), FLAT_M)]),
-        quaternions=_turns(run, run.tracks),
+        quaternions=_turns(run, run.reported),
         colors=_rgb([palette.PURPLE] * len(spread)),
-        labels=[str(number) for number in run.tracks["track_id"]],
+        labels=[str(number) for number in run.reported["track_id"]],
         show_labels=[False] * len(spread),
     )
 

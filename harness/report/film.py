@@ -52,10 +52,12 @@ def write_film(run: RecordedRun, path: Path) -> None:
     rate = 1.0 / float(np.median(np.diff(times))) if len(times) > 1 else 10.0
     writer = imageio_ffmpeg.write_frames(str(path), (WIDTH, HEIGHT), fps=rate, output_params=["-f", "mp4"], quality=7)
     writer.send(None)
-    tracks, detections = (dict(list(table.groupby("step"))) for table in (run.tracks, run.detections))
+    tracks, detections = (dict(list(table.groupby("step"))) for table in (run.reported, run.detections))
     try:
         for step, truth in run.truth.groupby("step"):
-            picture = draw_frame(run, truth, detections.get(step, run.detections[:0]), tracks.get(step, run.tracks[:0]))
+            picture = draw_frame(
+                run, truth, detections.get(step, run.detections[:0]), tracks.get(step, run.reported[:0])
+            )
             writer.send(np.ascontiguousarray(picture))
     finally:
         writer.close()
@@ -108,12 +110,11 @@ def _draw_detections_and_tracks(strip: _PictureRow, detections: pd.DataFrame, tr
     places = np.stack([floats(detections, "lon_m"), floats(detections, "lat_m")], axis=-1)
     for x, y in strip.place(places):
         _draw_cross(strip.draw, x, y)
-    shown = tracks[(tracks["state"] != "tentative").to_numpy()]
-    places = np.stack([floats(shown, "lon_m"), floats(shown, "lat_m")], axis=-1)
-    sizes = ELLIPSE_SCALE * strip.scale * np.stack([floats(shown, "std_lon_m"), floats(shown, "std_lat_m")], axis=-1)
-    hidden = (shown["state"] == "hidden").tolist()
+    places = np.stack([floats(tracks, "lon_m"), floats(tracks, "lat_m")], axis=-1)
+    sizes = ELLIPSE_SCALE * strip.scale * np.stack([floats(tracks, "std_lon_m"), floats(tracks, "std_lat_m")], axis=-1)
+    hidden = (tracks["state"] == "hidden").tolist()
     font = ImageFont.load_default(11 * SMOOTH)
-    drawn = strip.place(places), sizes.tolist(), hidden, shown["track_id"]
+    drawn = strip.place(places), sizes.tolist(), hidden, tracks["track_id"]
     for (x, y), (along, across), dashed, number in zip(*drawn, strict=True):
         _draw_ellipse(strip.draw, (x - along, y - across, x + along, y + across), dashed)
         above = y - min(max(across, strip.scale), 2.0 * strip.scale)

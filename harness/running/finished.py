@@ -74,6 +74,11 @@ class RecordedRun:
         return bool(self.manifest.get("is_log", self.manifest["command"].startswith("harness score")))
 
     @cached_property
+    def reported(self) -> pd.DataFrame:
+        """The tracks without tentative ones: those that scores are over, and every export but ``csv`` shows."""
+        return self.tracks[(self.tracks["state"] != "tentative").to_numpy()].reset_index(drop=True)
+
+    @cached_property
     def ramps(self) -> list[FloatArray]:
         """Return the ground beside the main lanes on which vehicles drive, such as ramps.
 

@@ -76,7 +76,7 @@ def written_scene(
 
 
 def truth_table(names: dict[str, str]) -> pd.DataFrame:
-    return table_of(
+    return pd.DataFrame(
         [truth_row(step, name, names) for step in range(STEPS) for name in ("ego", "near", "far", "distant")]
     )
 
@@ -94,19 +94,12 @@ def truth_row(step: int, name: str, names: dict[str, str]) -> dict[str, object]:
 
 
 def detection_table(names: dict[str, str]) -> pd.DataFrame:
-    rows = []
-    for step in range(STEPS):
-        for name in ("near", "far"):
-            truth = truth_row(step, name, names)
-            if truth["state"] == "visible":
-                rows.append(
-                    {
-                        **when(step), "detection": len(rows), "lon_m": truth["lon_m"], "lat_m": truth["lat_m"],
-                        "speed_mps": np.nan, "std_lon_m": 0.3, "std_lat_m": 0.2, "std_speed_mps": np.nan,
-                        "visible_fraction": 1.0, "truth_id": truth["vehicle_id"],
-                    }
-                )  # fmt: skip
-    return table_of(rows)
+    truth = truth_table(names)
+    seen = truth[(truth["state"] == "visible") & ~truth["is_ego"]].reset_index(drop=True)
+    columns = ["step", "time_s", "episode", "detection", "lon_m", "lat_m", "speed_mps"]
+    return seen.assign(detection=seen.index, speed_mps=np.nan)[columns].assign(
+        std_lon_m=0.3, std_lat_m=0.2, std_speed_mps=np.nan, visible_fraction=1.0, truth_id=seen["vehicle_id"]
+    )
 
 
 def track_table() -> pd.DataFrame:
@@ -118,7 +111,7 @@ def track_table() -> pd.DataFrame:
             rows.append(track_row(step, 2, "far", 3.0 if unseen else 0.1, "hidden" if unseen else "confirmed"))
         if step >= NEW_TRACK:
             rows.append(track_row(step, 3, "far", 0.1, "confirmed"))
-    return table_of(rows)
+    return pd.DataFrame(rows)
 
 
 def track_row(step: int, number: int, follows: str, ahead_m: float, state: str) -> dict[str, object]:
@@ -132,10 +125,6 @@ def track_row(step: int, number: int, follows: str, ahead_m: float, state: str) 
 
 def when(step: int) -> dict[str, object]:
     return {"step": step, "time_s": round(step * STEP_S, 1), "episode": 0}
-
-
-def table_of(rows: list[dict[str, object]]) -> pd.DataFrame:
-    return pd.DataFrame(rows)
 
 
 def metrics_of(folder: Path) -> dict:

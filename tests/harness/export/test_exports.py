@@ -2,9 +2,9 @@
 
 import errno
 import gzip
+import itertools
 import json
 import re
-import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -27,7 +27,15 @@ from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.road import Lane
-from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, SEEN_AGAIN, STEPS, metrics_of, write_recorded_scene
+from tests.harness.recorded_scene import (
+    GIVEN_UP,
+    LAST_SEEN,
+    SEEN_AGAIN,
+    STEPS,
+    metrics_of,
+    rewrite,
+    write_recorded_scene,
+)
 
 # A road that turns from east to north-east, so that the road frame and the plane differ.
 BENT = CorridorRoad(
@@ -234,17 +242,17 @@ def test_tracks_are_as_large_as_what_was_measured_of_them(folder):
     assert set(map(tuple, truth[:, 4:6])) == {(450.0, 180.0)}
 
 
-def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):
-    pytest.importorskip("osi3", reason="the extra osi is not installed")
-    from osi3.osi_groundtruth_pb2 import GroundTruth  # noqa: PLC0415
-    from osi3.osi_sensordata_pb2 import SensorData  # noqa: PLC0415
+def osi_messages(folder):
+    reader = pytest.importorskip("osi3trace.osi_trace", reason="the extra osi is not installed")
+    traces = zip(export_run(folder, "osi"), ("GroundTruth", "SensorData", "SensorData"), strict=False)
+    for trace in itertools.starmap(reader.OSITrace, traces):
+        yield list(trace)
+        trace.close()
 
-    truth_file, detections_file, tracks_file, _ = export_run(bent, "osi")
+
+def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):
     run = read_recorded_run(bent)
-    truths, detections, tracks = (
-        messages(*pair)
-        for pair in ((truth_file, GroundTruth), (detections_file, SensorData), (tracks_file, SensorData))
-    )
+    truths, detections, tracks = osi_messages(bent)
     assert len(truths) == len(detections) == len(tracks) == STEPS
     step = GIVEN_UP - 1
     assert [len(found[step].moving_object) for found in (truths, detections, tracks)] == [4, 1, 2]
@@ -274,12 +282,8 @@ def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):
 def test_an_osi_reader_finds_lanes_and_the_lines_between_them(bent):
     pytest.importorskip("osi3", reason="the extra osi is not installed")
     from osi3.osi_lane_pb2 import LaneBoundary  # noqa: PLC0415
-    from osi3trace.osi_trace import OSITrace  # noqa: PLC0415
 
-    run = read_recorded_run(bent)
-    trace = OSITrace(str(export_run(bent, "osi")[0]), "GroundTruth")
-    truths = list(trace)
-    trace.close()
+    run, (truths, _, _) = read_recorded_run(bent), osi_messages(bent)
     assert len(truths) == STEPS
     truth = truths[7]
     lanes, lines = {lane.id.value: lane for lane in truth.lane}, {line.id.value: line for line in truth.lane_boundary}
@@ -296,13 +300,8 @@ def test_an_osi_reader_finds_lanes_and_the_lines_between_them(bent):
         assert order[-1].classification.left_lane_boundary_id == below.right_lane_boundary_id
         assert order[-1].classification.left_adjacent_lane_id[0].value == order[-2].id.value
     for lane, ours in zip(order, sorted(run.road.lanes, key=lambda lane: lane.number), strict=True):
-        for points, wanted in (
-            (lane.classification.centerline, ours.centre_m),
-            (
-                [p.position for p in lines[lane.classification.left_lane_boundary_id[0].value].boundary_line],
-                ours.left_m,
-            ),
-        ):
+        left = [point.position for point in lines[lane.classification.left_lane_boundary_id[0].value].boundary_line]
+        for points, wanted in ((lane.classification.centerline, ours.centre_m), (left, ours.left_m)):
             x, y = np.array([[point.x, point.y] for point in points]).T
             assert len(x) >= 2
             # Between two points too, where the road bends.
@@ -318,13 +317,25 @@ def test_an_osi_reader_finds_lanes_and_the_lines_between_them(bent):
     assert order.index(lanes[assigned.value]) == 3  # 5 m from the right edge: lane 4
 
 
-def messages(path, kind):
-    content, found = path.read_bytes(), []
-    while content:
-        (length,) = struct.unpack("<I", content[:4])
-        found.append(kind.FromString(content[4 : 4 + length]))
-        content = content[4 + length :]
-    return found
+def with_tentative_tracks(folder):
+    """Let all tracks of one step be tentative, and return the tracks."""
+    tracks = pd.read_parquet(folder / "tracks.parquet").astype({"state": object})
+    tracks.loc[tracks["step"] == GIVEN_UP - 1, "state"] = "tentative"
+    rewrite(folder, "tracks.parquet", tracks)
+    return tracks
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "needed"), [("osi", "osi3"), ("mcap", "mcap"), ("autoware", "mcap"), ("mot", "numpy")]
+)
+def test_tentative_tracks_are_exported_as_if_they_were_not_there(name, needed, folder, tmp_path):
+    pytest.importorskip(needed, reason=f"the extra of {name} is not installed")
+    tracks, written = with_tentative_tracks(folder), []
+    for part in (tracks, tracks[tracks["state"] != "tentative"]):
+        rewrite(folder, "tracks.parquet", part)
+        written.append([file.read_bytes() for file in export_run(folder, name, tmp_path / "out", force=True)])
+    assert written[0] == written[1]
 
 
 def test_curves_tell_how_far_off_the_followed_vehicles_are(folder):
@@ -342,6 +353,7 @@ def test_curves_tell_how_far_off_the_followed_vehicles_are(folder):
 @pytest.mark.slow
 def test_rerun_reads_its_recording_with_curves_and_a_layout(folder):
     pytest.importorskip("rerun", reason="the extra viewer is not installed")
+    with_tentative_tracks(folder)
     (file,) = export_run(folder, "rerun")
     command = [sys.executable, "-m", "rerun", "rrd", "print", str(file)]
     text = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
@@ -349,7 +361,7 @@ def test_rerun_reads_its_recording_with_curves_and_a_layout(folder):
     rows: dict[str, int] = {}
     for count, entity in re.findall(r"with (\d+) rows .*? - /([\w/]+) - data", text):
         rows[entity] = max(int(count), rows.get(entity, 0))
-    assert {"truth": STEPS, "detections": STEPS, "tracks": STEPS, "road": 1}.items() <= rows.items()
+    assert {"truth": STEPS, "detections": STEPS, "tracks": STEPS - 1, "road": 1}.items() <= rows.items()
     assert rows["curves/count/tracks"] == STEPS
     assert rows["curves/error_m/hidden"] == GIVEN_UP - LAST_SEEN - 1
     assert re.search(r"BlueprintActivationCommand\(.*make_default: true", text)
@@ -410,15 +422,13 @@ def test_an_mcap_reader_finds_boxes_of_vehicles_detections_and_tracks(bent):
     assert "error_hidden_m" not in by_topic["/curves"][GIVEN_UP][1]
 
 
-@pytest.mark.parametrize(
-    ("name", "package", "extra"), [("mcap", "foxglove_schemas_protobuf", "mcap"), ("osi", "osi3", "osi")]
-)
-def test_a_format_whose_extra_is_missing_names_it(name, package, extra, folder, monkeypatch):
+@pytest.mark.parametrize(("name", "package"), [("mcap", "foxglove_schemas_protobuf"), ("osi", "osi3")])
+def test_a_format_whose_extra_is_missing_names_it(name, package, folder, monkeypatch):
     for module in [module for module in sys.modules if module.startswith((package, "harness.export."))]:
         if module != "harness.export.formats":
             monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=rf"^`to`: {name} needs {package}.*-c constraints.txt '\.\[{extra}\]'"):
+    with pytest.raises(InputError, match=rf"^`to`: {name} needs {package}.*-c constraints.txt '\.\[{name}\]'"):
         export_run(folder, name)
 
 
