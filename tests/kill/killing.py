@@ -11,8 +11,8 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from typing import Any
 import pandas as pd
 
 from tests.harness.grid.executors import is_timing, table_of
+from tests.harness.grid.test_cluster import dask_cluster
 
 REPOSITORY = Path(__file__).parents[2]
 RUN = ("run", "--density", "10", "--duration", "2", "--particles", "20", "--seed", "3", "--quiet")
@@ -38,7 +39,6 @@ TABLES = ("truth", "detections", "tracks")
 FIRST_MOMENT_S = 0.5
 """Before it the interpreter itself may not have started, which ends without a word."""
 ORPHANS_S = 60.0
-LEAVING_S = 30.0
 LONGEST_S = 600.0
 """After it a command that was told to end counts as hanging; generous, for busy machines."""
 STORY = 3
@@ -83,7 +83,7 @@ def kill_often(
         dask: Whether one of five is a grid on a cluster.
     """
     draw = random.Random(seed)
-    with cluster(folder) if dask else nullcontext() as scheduler:
+    with dask_cluster(folder) if dask else nullcontext((None, ())) as (scheduler, _):
         makers: list[Callable[[], _Killed]] = [
             lambda: _KilledRun(folder, "run", RUN),
             lambda: _KilledGrid(folder, "stress", (*STRESS, *WORKERS)),
@@ -103,35 +103,6 @@ def kill_often(
             if done and isinstance(target, _KilledGrid) and target.kills:
                 done[-1].faults += target.finish()
     return done
-
-
-@contextmanager
-def cluster(folder: Path) -> Iterator[str]:
-    """Start a Dask scheduler with two workers, yield its address, and stop them."""
-    file = folder / "scheduler.json"
-    known = ["--no-dashboard", "--scheduler-file", str(file)]
-    worker = ["distributed.cli.dask_worker", *known, "--nthreads", "1", "--no-nanny"]
-    commands = [
-        ["distributed.cli.dask_scheduler", *known, "--host", "127.0.0.1", "--port", "0"],
-        *([*worker, "--local-directory", str(folder / f"dask-{number}")] for number in range(2)),
-    ]
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    processes: list[subprocess.Popen[bytes]] = []
-    try:
-        for words in commands:
-            processes.append(subprocess.Popen([sys.executable, "-m", *words], cwd=REPOSITORY, **silent))
-            while not file.exists():
-                time.sleep(0.1)
-        yield json.loads(file.read_text())["address"]
-    finally:
-        for process in reversed(processes):
-            process.terminate()
-        for process in processes:
-            try:
-                process.wait(LEAVING_S)
-            except subprocess.TimeoutExpired:  # a worker may wait for the scheduler, which is gone
-                process.kill()
-                process.wait()
 
 
 class _Killed:
