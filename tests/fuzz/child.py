@@ -1,4 +1,4 @@
-"""The process in which spoilt inputs are read, one after the other, until it is done or dies of one.
+"""The process in which spoilt inputs or odd networks are read, one after the other, until it is done or dies of one.
 
 It tells of each case before and after it, a line of JSON each, on the file that it is given.
 """
@@ -17,27 +17,27 @@ import time
 from pathlib import Path
 
 from harness.commands.app import run_command_line
+from harness.report import pictures
 from tests.fuzz.inputs import INPUTS
 from tests.fuzz.mutations import DONE
+from tests.fuzz.odd_networks import chosen
 
 # What the commands are told to write, or do in the folder that they are given.
 WRITTEN = ("out", "run/report.html", "run/figures", "run/.mmpf-harness.json", "run/export", "results")
 
 
 def main() -> None:
-    """Run the cases from the first to the last number, both given, of a seed."""
-    seed, first, last, told = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4])
+    """Run the cases from the first to the last number, both given, of a seed, or of odd networks if that is ``odd``."""
+    seed, first, last, told = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4])
     faulthandler.enable()
     log = told.open("a", encoding="utf-8")
     errors = told.with_suffix(".stderr")
     home = Path.cwd()
     for number in range(first, last):
-        rng = random.Random(f"{seed}-{number}")
-        kind = sorted(INPUTS)[number % len(INPUTS)]
         folder = Path(tempfile.mkdtemp(prefix=f"fuzz-{number}-"))
         os.chdir(folder)
         DONE.clear()
-        words = INPUTS[kind](folder, rng)
+        kind, words = odd(folder, number) if seed == "odd" else spoilt(folder, number, seed)
         log.write(json.dumps({"begin": number, "kind": kind, "command": words, "spoilt": DONE}) + "\n")
         log.flush()
         (folder / "victim").write_text("precious")
@@ -56,6 +56,21 @@ def main() -> None:
         log.flush()
         os.chdir(home)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def spoilt(folder: Path, number: int, seed: str) -> tuple[str, list[str]]:
+    """Make the input of a number, and return its kind and the command that reads it."""
+    kind = sorted(INPUTS)[number % len(INPUTS)]
+    return kind, INPUTS[kind](folder, random.Random(f"{seed}-{number}"))
+
+
+def odd(folder: Path, number: int) -> tuple[str, list[str]]:
+    """Make an odd network, and return its kind and the command that drives on it."""
+    pictures.draw_charts = lambda *_: None  # of errors over time; no network shows in them
+    name, make = list(chosen().items())[number]
+    DONE.append(name)
+    words = ["run", "--net", str(make().write(folder)), "--duration", "1", "--particles", "30"]
+    return "network", [*words, "--out", "out", "--quiet"]
 
 
 def state_of(folder: Path) -> dict[str, tuple[int, int]]:
