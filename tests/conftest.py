@@ -1,9 +1,12 @@
 import gc
 import os
 import sys
+import time
 
 import pytest
 
+from harness.commands.app import run_command_line
+from harness.common.exit_codes import WRONG_INPUT
 from harness.common.files import write_text
 from harness.common.isolation import trusted
 
@@ -43,6 +46,24 @@ def read_here():
     """Read files in the process of the test itself where other tests of its folder do not."""
     with trusted():
         yield
+
+
+@pytest.fixture
+def refused(tmp_path, monkeypatch, capsys):
+    """Return what runs a command in the test's own folder, where it must be refused at once, and hands on its line."""
+    monkeypatch.chdir(tmp_path)
+
+    def line_of(*words):
+        capsys.readouterr()
+        begin = time.perf_counter()
+        assert run_command_line([*map(str, words)]) == WRONG_INPUT
+        assert time.perf_counter() - begin < 60.0
+        told = capsys.readouterr()
+        (line,) = told.err.splitlines()
+        assert (told.out, line[:7]) == ("", "error: ")
+        return line
+
+    return line_of
 
 
 @pytest.fixture(scope="module")

@@ -117,10 +117,5 @@ def test_the_command_prints_rows_as_json(capsys: pytest.CaptureFixture[str]) -> 
     }
 
 
-def test_the_command_tells_in_one_line_that_there_is_no_such_setting(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command_line(["settings", "nonsense"]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
-
-
 def test_no_meaning_is_that_of_a_language_s_own_parts():
     assert not [row.key for row in all_settings() if "functools" in row.meaning or "partial application" in row.meaning]

@@ -9,7 +9,6 @@ import pytest
 from harness.analysis.curves import breaks, curve_points
 from harness.analysis.tables import as_markdown
 from harness.api import Grid, compare
-from harness.commands.app import run_command_line
 from harness.config.options import checked
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
@@ -48,25 +47,6 @@ def test_densities_or_demands_that_are_given_hold_for_every_network():
     ]  # fmt: skip
     named = demands(asked(nets="curve,priority", demands=["light", "heavy"], seeds=1))
     assert [demand for _, demand, _ in named] == ["light", "heavy"] * 2
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["--nets", "curve,curve"], "--nets"),
-        (["--nets", "curve,,junction"], "--nets"),
-        (["--nets", "curve,nowhere"], "nowhere"),
-        (["--nets", "curve,junction", "--net", "us101"], "--nets"),
-        (["--nets", "curve,us101", "--demands", "light"], "us101 has no such demand"),
-        (["--nets", "curve", "--replay", "somewhere.csv"], "--nets"),
-    ],
-)
-def test_networks_that_make_no_grid_are_told_in_one_line(words, named, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "somewhere.csv").write_text("")
-    assert run_command_line(["stress", *words, "--seeds", "1"]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert named in line
 
 
 def two_networks() -> pd.DataFrame:

@@ -97,13 +97,6 @@ def test_the_page_begins_with_the_verdicts_that_compare_gives(grid, capsys):
     assert {verdict for _, verdict in found} >= {"undecided"}
 
 
-def test_only_runs_can_be_kept(tmp_path, capsys):
-    words = ["stress", "--keep", "everything", "--out", str(tmp_path / "out"), "--quiet"]
-    assert run_command_line(words) == 2
-    assert "only runs can be kept" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 def test_kept_runs_get_their_pages_and_each_tracker_stands_beside_the_first(grid):
     folder, runs = grid
     for run in runs[:2]:

@@ -3,8 +3,6 @@ from dataclasses import asdict
 
 import pytest
 
-from harness.commands.app import run_command_line
-from harness.common.exit_codes import WRONG_INPUT
 from harness.report.folder_page import write_page
 from harness.report.pictures import write_pictures
 from tests.harness.recorded_scene import write_recorded_scene
@@ -38,12 +36,10 @@ def test_a_runs_errors_and_worst_moments_are_drawn_and_the_page_stays_as_it_was(
     assert write_page(folder).read_bytes() == before
 
 
-def test_what_cannot_be_drawn_is_refused_in_a_line(grid, tmp_path_factory, capsys):
+def test_what_cannot_be_drawn_is_refused_in_a_line(grid, tmp_path_factory, refused):
     (grid / "table.md").write_text("# T\n")
-    assert run_command_line(["report", str(grid), "--figures", "jpeg"]) == WRONG_INPUT
+    assert "choose one of png, svg, pdf" in refused("report", grid, "--figures", "jpeg")
     assert not (grid / "report.html").exists()
-    assert "choose one of png, svg, pdf" in capsys.readouterr().err
     study = tmp_path_factory.mktemp("study")
     (study / "results.md").write_text("# Study\n")
-    assert run_command_line(["report", str(study), "--figures", "svg"]) == WRONG_INPUT
-    assert "only their figures can be drawn" in capsys.readouterr().err
+    assert "only their figures can be drawn" in refused("report", study, "--figures", "svg")

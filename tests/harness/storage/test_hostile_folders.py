@@ -22,22 +22,12 @@ from tests.harness.recorded_scene import write_recorded_scene
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
 
-READERS = (["report", "{run}"], ["export", "{run}", "--to", "mot"], ["run", "--replay", "{run}", "--out", "{out}"])
+READERS = (["report", "scene"], ["export", "scene", "--to", "mot"], ["run", "--replay", "scene", "--out", "out"])
 
 
 @pytest.fixture
 def scene(tmp_path) -> Path:
     return write_recorded_scene(tmp_path / "scene")
-
-
-def told(words: list[str], folder: Path, capsys) -> str:
-    """Return what a command says that must refuse a folder."""
-    capsys.readouterr()
-    command = [word.format(run=folder, out=folder.parent / "out") for word in words]
-    assert run_command_line(command) == 2
-    err = capsys.readouterr().err
-    assert len(err.splitlines()) == 1, err
-    return err
 
 
 @pytest.mark.slow
@@ -64,40 +54,39 @@ def test_a_small_file_of_a_table_that_fills_the_memory_is_refused(table, tmp_pat
         ("truth time_s", np.nan), ("truth width_m", np.inf), ("truth heading_rad", -1e300),
     ],
 )  # fmt: skip
-def test_identities_times_and_places_that_none_can_have_are_refused(at, value, scene, capsys):
+def test_identities_times_and_places_that_none_can_have_are_refused(at, value, scene, refused):
     table, column = at.split()
     path = scene / f"{table}.parquet"
     rows = pd.read_parquet(path)
     rows[column] = rows[column].astype("float64").where(rows.index != 3, value)
     rows.to_parquet(path)
-    for words in (["report", "{run}"], *(["export", "{run}", "--to", to, "--out", "{out}"] for to in ("csv", "fcd"))):
-        assert f"{column} of row" in told(words, scene, capsys)
+    for words in (READERS[0], *(["export", "scene", "--to", to, "--out", "out"] for to in ("csv", "fcd"))):
+        assert f"{column} of row" in refused(*words)
 
 
 @pytest.mark.parametrize(
     ("table", "words"), [("truth", READERS[0]), ("detections", READERS[2]), ("tracks", READERS[1])], ids=str
 )
 @pytest.mark.parametrize("shuffled", [False, True])
-def test_a_table_that_lost_rows_or_has_them_in_another_order_is_refused(shuffled, table, words, scene, capsys):
+def test_a_table_that_lost_rows_or_has_them_in_another_order_is_refused(shuffled, table, words, scene, refused):
     path = scene / f"{table}.parquet"
     rows = pd.read_parquet(path)
     (rows.sample(frac=1.0, random_state=1) if shuffled else rows[: len(rows) // 2]).to_parquet(path)
     lost = f" has {len(rows) // 2} rows, the run wrote {len(rows)}"
     fault = ": its rows are not in the order of time" if shuffled else lost
-    assert f"{table}.parquet{fault}" in told(words, scene, capsys)
+    assert f"{table}.parquet{fault}" in refused(*words)
 
 
 @pytest.mark.slow
-def test_detections_that_were_left_out_on_purpose_are_replayed_once_the_manifest_no_longer_counts_them(scene, capsys):
+def test_detections_that_were_left_out_on_purpose_are_replayed_once_the_manifest_no_longer_counts_them(scene, refused):
     path = scene / "detections.parquet"
     pd.read_parquet(path)[::2].to_parquet(path)
-    words = ["run", "--replay", "{run}", "--out", "{out}", "--quiet"]
-    words += ["--tracker", "tests.harness.stand_ins:echo_tracker"]
-    assert "or take rows out of manifest.json" in told(words, scene, capsys)
+    words = [*READERS[2], "--quiet", "--tracker", "tests.harness.stand_ins:echo_tracker"]
+    assert "or take rows out of manifest.json" in refused(*words)
     manifest = json.loads((scene / "manifest.json").read_text())
     del manifest["rows"]
     (scene / "manifest.json").write_text(json.dumps(manifest))
-    assert run_command_line([word.format(run=scene, out=scene.parent / "out") for word in words]) == 0
+    assert run_command_line(words) == 0
 
 
 CHANGES = {
@@ -113,16 +102,16 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
-def test_a_replay_of_a_changed_truth_is_refused_before_it_begins(change, scene, capsys):
+def test_a_replay_of_a_changed_truth_is_refused_before_it_begins(change, scene, refused):
     change(pd.read_parquet(scene / "truth.parquet")).to_parquet(scene / "truth.parquet")
-    told(READERS[2], scene, capsys)
+    refused(*READERS[2])
     assert not list(scene.parent.glob("*out*"))
 
 
 @pytest.mark.parametrize("words", READERS, ids=lambda words: words[0])
 @pytest.mark.parametrize("name", ["truth.parquet", "road.json", "config.toml", "manifest.json"])
 @pytest.mark.parametrize("damage", ["pipe", "missing", "empty", "deep"])
-def test_a_damaged_file_of_a_folder_is_told_in_one_line(words, name, damage, scene, capsys):
+def test_a_damaged_file_of_a_folder_is_told_in_one_line(words, name, damage, scene, refused):
     (scene / name).unlink()
     if damage == "pipe":
         os.mkfifo(scene / name)
@@ -130,11 +119,11 @@ def test_a_damaged_file_of_a_folder_is_told_in_one_line(words, name, damage, sce
         (scene / name).write_text("" if damage == "empty" else "[" * 100_000)
     if name == "config.toml" and damage == "empty":
         return  # an empty configuration is one of defaults
-    told(words, scene, capsys)
+    refused(*words)
 
 
 @pytest.mark.slow
-def test_a_road_that_nobody_can_drive_on_is_refused(scene, capsys):
+def test_a_road_that_nobody_can_drive_on_is_refused(scene, refused):
     road = json.loads((scene / "road.json").read_text())
     for change in (
         {"lanes": []}, {"reference_xy": [[0, 0]]}, {"reference_xy": [[0, 0], [0, 0]]}, {"section_m": [5, 5]},
@@ -143,7 +132,7 @@ def test_a_road_that_nobody_can_drive_on_is_refused(scene, capsys):
         {"lanes": [{**road["lanes"][0], "left_m": road["lanes"][0]["right_m"] + 0.1}]},
     ):  # fmt: skip
         (scene / "road.json").write_text(json.dumps(road | change))
-        assert "road.json" in told(READERS[2], scene, capsys)
+        assert "road.json" in refused(*READERS[2])
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from harness.commands.app import run_command_line
 from harness.common.errors import InputError
 from harness.truth.network.limits import check_xml
 from harness.truth.network.network import load_network
@@ -141,11 +140,10 @@ def test_colours_distributions_and_pavements_are_taken_and_what_is_unusual_is_to
 
 
 @pytest.mark.slow
-def test_a_vehicle_that_departs_faster_than_its_type_can_is_an_error_of_the_input(tmp_path, capsys):
+def test_a_vehicle_that_departs_faster_than_its_type_can_is_an_error_of_the_input(tmp_path, refused):
     routes = VEHICLES.replace("<route ", '<vType id="t" maxSpeed="30"/><route ')
     path = own(tmp_path, routes=routes.replace("<flow ", '<flow type="t" departSpeed="90" '))
-    assert run_command_line(["run", "--net", path, "--duration", "1", "--out", str(tmp_path / "run"), "--quiet"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    line = refused("run", "--net", path, "--duration", "1", "--out", "run", "--quiet")
     assert "--net" in line
     assert "too high for the vehicle type 't'" in line
     assert not list(tmp_path.glob("*run*"))

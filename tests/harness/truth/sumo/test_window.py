@@ -17,7 +17,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from harness.commands.app import run_command_line
 from harness.common.errors import InputError, RunError
 from harness.truth.sumo import window
 from harness.truth.sumo.session import sumo_errors_in_words
@@ -50,43 +49,31 @@ def screen(monkeypatch):
     monkeypatch.setattr(window, "has_screen", lambda platform, environment: True)
 
 
-def complaint(arguments, capsys, tmp_path, monkeypatch) -> str:
-    monkeypatch.chdir(tmp_path)
-    assert run_command_line(["run", "--gui", *arguments]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert len(captured.err.splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []
-    return captured.err
-
-
-def test_without_a_screen_no_run_begins(capsys, tmp_path, monkeypatch):
+def test_without_a_screen_no_run_begins(tmp_path, monkeypatch, refused):
     monkeypatch.setattr(window, "has_screen", lambda platform, environment: False)
-    assert "--gui: no display is available" in complaint([], capsys, tmp_path, monkeypatch)
+    assert "--gui: no display is available" in refused("run", "--gui")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("missing", ["sumo", "traci"])
-def test_without_sumo_gui_the_extra_is_named(screen, missing, capsys, tmp_path, monkeypatch):
+def test_without_sumo_gui_the_extra_is_named(screen, missing, tmp_path, monkeypatch, refused):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *more: None if name == missing else find(name, *more))
-    told = complaint([], capsys, tmp_path, monkeypatch)
+    told = refused("run", "--gui")
     assert "--gui: sumo-gui is not installed" in told
     assert ".[networks]" in told
+    assert list(tmp_path.iterdir()) == []
 
 
-def test_a_replay_has_nothing_to_open(screen, capsys, tmp_path, monkeypatch):
-    tracks = tmp_path / "elsewhere" / "fcd.xml"
-    tracks.parent.mkdir()
-    tracks.write_text(
+def test_a_replay_has_nothing_to_open(screen, tmp_path, refused):
+    (tmp_path / "fcd.xml").write_text(
         "<fcd-export>" + "".join(
             f'<timestep time="{k / 10}"><vehicle id="a" x="{2 * k}" y="0" angle="90" speed="20"/></timestep>'
             for k in range(20)
         ) + "</fcd-export>"
     )  # fmt: skip
-    working = tmp_path / "here"
-    working.mkdir()
-    told = complaint(["--replay", str(tracks)], capsys, working, monkeypatch)
-    assert "--gui: --replay" in told
+    assert "--gui: --replay" in refused("run", "--gui", "--replay", "fcd.xml")
+    assert [path.name for path in tmp_path.iterdir()] == ["fcd.xml"]
 
 
 @pytest.mark.skipif(importlib.util.find_spec("sumo") is None, reason="no sumo-gui on this machine")
