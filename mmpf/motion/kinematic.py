@@ -85,7 +85,7 @@ def constant_acceleration(state: FloatArray, lon_kick: FloatArray, lat_kick: Flo
     """Return the states one step later by CAM: both accelerations stay, but for kicks, m/s², shape (n,)."""
     accel = state[ACCEL] + lon_kick
     after = np.empty_like(state)
-    move_along(state, after, 0.5 * (state[ACCEL] + accel), np.zeros(state.shape[1]), dt_s)
+    move_along(state, after, 0.5 * (state[ACCEL] + accel), 0.0, dt_s)
     after[ACCEL] = np.where((after[ACCEL] == 0.0) & (accel < 0.0), 0.0, accel)
     after[LAT_ACCEL] = state[LAT_ACCEL] + lat_kick
     after[LAT_SPEED] = state[LAT_SPEED] + 0.5 * dt_s * (state[LAT_ACCEL] + after[LAT_ACCEL])
@@ -116,7 +116,7 @@ def constant_steering_acceleration(
 
 
 def move_along(
-    before: FloatArray, after: FloatArray, accel_mps2: FloatArray, speed_kick: FloatArray, dt_s: float
+    before: FloatArray, after: FloatArray, accel_mps2: FloatArray, speed_kick: FloatArray | float, dt_s: float
 ) -> None:
     """Write longitudinal position, speed and acceleration after a step of given acceleration.
 
@@ -124,9 +124,9 @@ def move_along(
 
     Args:
         before: States at the step's start, shape (6, n).
-        after: States at its end, shape (6, n); three rows are written.
+        after: States at its end, shape (6, n); three rows are written. May be ``before``.
         accel_mps2: Acceleration over the step, shape (n,).
-        speed_kick: Noise on the speed, m/s, shape (n,).
+        speed_kick: Noise on the speed, m/s, shape (n,), or one number for all.
         dt_s: Length of the step.
     """
     speed = np.maximum(before[SPEED] + accel_mps2 * dt_s + speed_kick, 0.0)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
+from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.protocol import (
     MotionModel,
     Surroundings,
@@ -93,7 +93,10 @@ class Manoeuvring:
         accel = state[ACCEL].take(holding)
         accel[len(held) :] += self.accel_std_mps2 * ndtri(np.clip(even, 1e-9, 1.0 - 1e-9))
         np.clip(accel, -HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, out=accel)
-        _hold(holding, accel, state, moved, dt_s)
+        end = state.take(holding, axis=1)
+        move_along(end, end, accel, 0.0, dt_s)
+        for row in (LON, SPEED, ACCEL):
+            moved[row, holding] = end[row]
         return moved
 
     def log_prior_over_tried(
@@ -128,14 +131,3 @@ def _choose(
     for n in begun[:begin]:
         holds[n] = 1.0
     return held[:goes_on], begun[:begin]
-
-
-@kernel()
-def _hold(holding: IntArray, accel: FloatArray, state: FloatArray, moved: FloatArray, dt_s: float) -> None:
-    """Write where the particles ``holding`` are after a step of given accelerations, as ``move_along`` does."""
-    for k in range(len(holding)):
-        n = holding[k]
-        speed = max(state[SPEED, n] + accel[k] * dt_s, 0.0)
-        moved[LON, n] = state[LON, n] + 0.5 * dt_s * (state[SPEED, n] + speed)
-        moved[SPEED, n] = speed
-        moved[ACCEL, n] = 0.0 if speed == 0.0 and accel[k] < 0.0 else accel[k]

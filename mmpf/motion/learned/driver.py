@@ -52,7 +52,6 @@ FOLLOWED_WITHIN_S, WALKING_MPS = 4.0, 3.0
 # this time constant: 2.2 s [1.3, 3.5], a regression over 246 windows of 100 vehicles on Lankershim Boulevard and
 # Peachtree Street (NGSIM, US DOT, in CommonRoad's clips; positions smoothed over 0.5 s as by Thiemann et al. 2008).
 FADES_IN_S = 2.2
-# Fourteen times the rates of the model that comes along, for unseen drivers and for those in sight.
 
 
 @dataclass(frozen=True)
