@@ -114,10 +114,9 @@ class Registry(Generic[T]):
             from importlib.metadata import EntryPoint  # noqa: PLC0415
 
             return self._loaded(EntryPoint(name, name, self.group))
-        near = difflib.get_close_matches(name, self.names())
         known, in_order = ", ".join(self), ", ".join(self.names())
         told = self.unknown.format(kind=self.kind, name=name, known=known, in_order=in_order)
-        raise UnknownNameError(told + (f"; did you mean {' or '.join(near)}?" if near else ""))
+        raise UnknownNameError(told + _did_you_mean(name, self.names()))
 
     def problem(self, name: str) -> str:
         """Return in words why a name has no entry to be had, to follow what was named; empty if it has one."""
@@ -166,6 +165,8 @@ class Registry(Generic[T]):
             raise
         except BaseException as error:
             hint = "; is it on PYTHONPATH or installed?" if isinstance(error, ModuleNotFoundError) else ""
+            if isinstance(error, AttributeError) and error.name is not None:
+                hint = _did_you_mean(error.name, dir(error.obj))
             raise UnknownNameError(f"can't import {named} ({type(error).__name__}: {error}){hint}") from None
         if not callable(entry):
             raise UnknownNameError(f"{named} is no class or function, but of type {type(entry).__name__}")
@@ -180,6 +181,12 @@ def entry_points_of(group: str | None) -> Sequence[EntryPoint]:
     from importlib.metadata import entry_points  # noqa: PLC0415  (slow, and seldom needed)
 
     return entry_points(group=group)
+
+
+def _did_you_mean(name: str, known: Sequence[str]) -> str:
+    """Return the question for a name that was nearly right; empty where none is near."""
+    near = difflib.get_close_matches(name, known)
+    return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
 def _package(point: EntryPoint) -> str:

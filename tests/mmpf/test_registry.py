@@ -45,7 +45,8 @@ def test_a_part_that_is_not_installed_is_named_with_its_installation(
 def test_an_unknown_name_is_answered_with_all_names_and_those_near_it(things: Registry[object]) -> None:
     with pytest.raises(UnknownNameError, match=r"^unknown thing 'zzz'; known are: bare, named, part, whole$"):
         things["zzz"]
-    for name, told in {"hole": "; did you mean whole?", "./lazy:a": "folder or .py", "lazy_thing.py:a": ".py"}.items():
+    near = {"hole": "; did you mean whole?", "lazy_thing:hole": "; did you mean whole?"}
+    for name, told in {**near, "./lazy:a": "folder or .py", "lazy_thing.py:a": ".py"}.items():
         assert things.problem(name).endswith(told)
 
 
