@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from harness.common.errors import InputError, RunError, SumoError
 from harness.common.streams import streams_and_depth_kept
+from harness.truth.frame import STEP_S
 from harness.truth.sumo.window import STDERR, SumoWindow, first_error, open_window, written
 
 FIRST_VEHICLE_WITHIN_S = 900.0
@@ -41,14 +42,14 @@ class Sumo(Protocol):
         """End the simulation."""
 
 
-def start_sumo(arguments: Sequence[str], step_s: float, seed: int, gui: bool = False) -> Sumo:
+def start_sumo(arguments: Sequence[str], seed: int, gui: bool = False) -> Sumo:
     """Start SUMO in this process, or sumo-gui beside it, and return its interface.
 
     Raises:
         InputError: SUMO refuses its input, or no window can be opened.
         RunError: A simulation is already open in this process.
     """
-    fixed = ("--step-length", f"{step_s:g}", "--seed", str(seed), "--step-method.ballistic", "true")
+    fixed = ("--step-length", f"{STEP_S:g}", "--seed", str(seed), "--step-method.ballistic", "true")
     if gui:
         return open_window([*arguments, *fixed, *QUIET])
     with _silent_native_streams():

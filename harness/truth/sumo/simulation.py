@@ -85,7 +85,7 @@ def open_traffic(
     _ = network.road
     scratch = TemporaryDirectory(prefix="harness-net-")
     try:
-        sumo = start_sumo(_arguments(network, Path(scratch.name)), STEP_S, int(rng.integers(2**31)), gui)
+        sumo = start_sumo(_arguments(network, Path(scratch.name)), int(rng.integers(2**31)), gui)
     except BaseException as error:
         scratch.cleanup()
         if isinstance(error, InputError):
