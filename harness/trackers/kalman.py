@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from harness.trackers.track_options import KalmanOptions
 from mmpf.numerics.arrays import FloatArray, IntArray, taken
 from mmpf.scan import Detections, EgoPose
 from mmpf.tracks import Tracks
@@ -31,18 +31,6 @@ class GaussianStates:
     def std(self) -> FloatArray:
         """Standard deviation of each state variable, shape (n, 4)."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
-
-
-class BirthSpread(Protocol):
-    """How widely the speeds of a new belief are spread; options of trackers are."""
-
-    @property
-    def birth_speed_std_mps(self) -> float:
-        """Deviation of the speed around the ego's, where speed is not measured, m/s."""
-
-    @property
-    def birth_lat_speed_std_mps(self) -> float:
-        """Deviation of the lateral speed around zero, m/s."""
 
 
 def predict_constant_velocity(
@@ -94,7 +82,7 @@ def updated(states: GaussianStates, index: IntArray, detections: Detections, det
     return update_variable(states, index[has_speed], SPEED, measured[has_speed], std[has_speed])
 
 
-def newborn(detections: Detections, detection: IntArray, ego: EgoPose, spread: BirthSpread) -> GaussianStates:
+def newborn(detections: Detections, detection: IntArray, ego: EgoPose, options: KalmanOptions) -> GaussianStates:
     """Return first beliefs of k vehicles: as fast as the ego where speed is not measured.
 
     Args:
@@ -103,8 +91,8 @@ def newborn(detections: Detections, detection: IntArray, ego: EgoPose, spread: B
     count = len(detection)
     has_speed = np.isfinite(detections.speed_mps[detection])
     speed = np.where(has_speed, detections.speed_mps[detection], ego.speed_mps)
-    std_speed = np.where(has_speed, detections.std_speed_mps[detection], spread.birth_speed_std_mps)
-    std_lat_speed = np.full(count, spread.birth_lat_speed_std_mps)
+    std_speed = np.where(has_speed, detections.std_speed_mps[detection], options.birth_speed_std_mps)
+    std_lat_speed = np.full(count, options.birth_lat_speed_std_mps)
     mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
     std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
     return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))

@@ -7,38 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from harness.trackers.kalman import GaussianStates, newborn, predict_constant_velocity, tracks_of, updated
 from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
 from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.lives import Lives
+from harness.trackers.track_options import KalmanOptions
 from mmpf.numerics.arrays import IntArray, StringArray, joined, taken
-from mmpf.options.base import Positive, Settings, in_unit
+from mmpf.options.base import Positive
 from mmpf.scan import Scan, check_scan
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
 
 
-class OracleOptions(Settings):
+class OracleOptions(KalmanOptions):
     """Settings of the oracle."""
 
-    lon_noise: Annotated[Positive, in_unit("m²/s³")] = 1.0
-    """Power spectral density of the longitudinal acceleration."""
-    lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
-    """Power spectral density of the lateral acceleration."""
-    confirm_detections: Annotated[int, Field(ge=1)] = 3
-    """Detections before a track is confirmed."""
-    hidden_after_s: Positive = 0.5
-    """A track without detections for longer is reported as hidden; only pictures use this."""
     longest_unseen_s: Positive = 10.0
     """A track without detections for longer ends; the vehicle returns under a new identity."""
-    birth_speed_std_mps: Positive = 10.0
-    """Spread of a new track's speed around the ego's, where speed is not measured."""
-    birth_lat_speed_std_mps: Positive = 1.0
-    """Spread of a new track's lateral speed."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +41,7 @@ class OracleKalman:
     """One constant-velocity Kalman filter for each vehicle, with the true association of every detection."""
 
     def __init__(self, options: OracleOptions, in_plane: bool = False) -> None:
-        if in_plane:
-            alike = {"lat_noise": options.lon_noise, "birth_lat_speed_std_mps": options.birth_speed_std_mps}
-            options = options.model_copy(update=alike)
-        self._options, self._in_plane = options, in_plane
+        self._options, self._in_plane = options.in_plane() if in_plane else options, in_plane
         self._time_s: float | None = None
         self._next_track_id = 1
         no_states = GaussianStates(np.zeros((0, 4)), np.zeros((0, 4, 4)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Annotated, TypeVar
+from typing import Annotated, Self, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -18,29 +18,39 @@ from mmpf.scan import Scan, check_scan
 from mmpf.tracks import Tracks
 
 
-class TrackOptions(Settings):
-    """Settings of a tracker of Kalman filters."""
+class KalmanOptions(Settings):
+    """Settings of Kalman filters, of the oracle's too."""
 
     lon_noise: Annotated[Positive, in_unit("m²/s³")] = 1.0
     """Power spectral density of the longitudinal acceleration."""
     lat_noise: Annotated[Positive, in_unit("m²/s³")] = 0.1
     """Power spectral density of the lateral acceleration."""
-    noise_factor: Annotated[Positive, in_unit("reported deviation")] = 1.0
-    """Standard deviation of the measurement noise relative to the reported one; above 1 where errors are correlated in
-    time.
-    """
-    gate_std: Positive = 3.9
-    """A detection counts for a track within this many standard deviations."""
     confirm_detections: Annotated[int, Field(ge=1)] = 3
     """Detections before a track is confirmed."""
-    held_unseen_s: Positive = 0.35
-    """An unconfirmed track without detections for longer ends."""
     birth_speed_std_mps: Positive = 10.0
     """Spread of a new track's speed around the ego's, where speed is not measured."""
     birth_lat_speed_std_mps: Positive = 1.0
     """Spread of a new track's lateral speed."""
     hidden_after_s: Positive = 0.5
     """A track without detections for longer is reported as hidden; only pictures use this."""
+
+    def in_plane(self) -> Self:
+        """Return the settings for the plane, where y is filtered as x, since roads lead anywhere."""
+        alike = {"lat_noise": self.lon_noise, "birth_lat_speed_std_mps": self.birth_speed_std_mps}
+        return self.model_copy(update=alike)
+
+
+class TrackOptions(KalmanOptions):
+    """Settings of a tracker of Kalman filters."""
+
+    noise_factor: Annotated[Positive, in_unit("reported deviation")] = 1.0
+    """Standard deviation of the measurement noise relative to the reported one; above 1 where errors are correlated in
+    time.
+    """
+    gate_std: Positive = 3.9
+    """A detection counts for a track within this many standard deviations."""
+    held_unseen_s: Positive = 0.35
+    """An unconfirmed track without detections for longer ends."""
     doubtful: DoubtfulOptions = DoubtfulOptions()
     """When a track that stands amid moving traffic is reported as tentative only."""
 
@@ -57,16 +67,12 @@ _DEVIATIONS = ("std_lon_m", "std_lat_m", "std_speed_mps")
 
 
 def factory(kind: type[_Options], make: Callable[[_Options, TrackerSetting], Tracker]) -> TrackerFactory:
-    """Return what builds a tracker of two coordinates, which is given scans as ``_TwoCoordinates`` prepares them.
-
-    In the plane y is filtered as x, since roads lead anywhere.
-    """
+    """Return what builds a tracker of two coordinates, which is given scans as ``_TwoCoordinates`` prepares them."""
 
     def build(setting: TrackerSetting, options: Mapping[str, object]) -> Tracker:
         chosen, in_plane = kind.model_validate(dict(options)), is_in_plane(setting)
         if in_plane:
-            alike = {"lat_noise": chosen.lon_noise, "birth_lat_speed_std_mps": chosen.birth_speed_std_mps}
-            chosen = chosen.model_copy(update=alike)
+            chosen = chosen.in_plane()
         tracker = _TwoCoordinates(make(chosen, setting), chosen.noise_factor, in_plane)
         return DoubtingTracker(tracker, chosen.doubtful, in_plane) if chosen.doubtful.on else tracker
 
