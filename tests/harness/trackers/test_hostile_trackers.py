@@ -39,10 +39,19 @@ def make(setting, options):
 """
 UNLIKELY = "warning: this is unlikely: tracks are over 10 m from any vehicle"
 STEPS = {
+    "sys.exit(0)": "SystemExit: 0",
+    "if scan.time_s > 0.45: sys.exit(0)": "SystemExit: 0",
+    "raise BaseException('out')": "BaseException: out",
+    "raise GeneratorExit": "GeneratorExit",
     "raise BrokenPipeError": "BrokenPipeError",
     "raise MemoryError": "MemoryError",
     "raise type('E', (Exception,), {'__str__': lambda error: 1 / 0})": "E: it has no text, bad.py line 11",
     "if scan.time_s == 0.0 and os.fork() == 0: return one()": "has forked this process at 0",
+    "return one(lon_m=1e308)": "lon_m holds 1e+308",
+    "return one(track_id=-5)": "track_id holds -5",
+    "return one(existence=2.0)": "existence holds 2",
+    "return one(existence=-1.0)": "existence holds -1",
+    "return one(std_lon_m=-1.0)": "std_lon_m holds -1",
     "return one(std_lat_m=0.0)": "std_lat_m holds 0",
     "return one(std_speed_mps=-3.0)": "std_speed_mps holds -3",
     "return one(track_id=1.5)": "track_id is float64, not whole numbers",
@@ -129,9 +138,11 @@ def test_a_tracker_that_closes_files_of_the_run_is_named(where, tmp_path, scene)
 
 
 LEAVES = "pass\nsys.exit(0)\ndef other():\n    pass"
+ASKED = "return type('Prop', (), {'step': property(lambda self: 1 / 0)})()"
+MAKES = ("sys.exit(0)", "raise BaseException", "raise KeyError('x')", "return None", LEAVES, ASKED)
 
 
-@pytest.mark.parametrize("make", ["sys.exit(0)", "raise BaseException", "raise KeyError('x')", "return None", LEAVES])
+@pytest.mark.parametrize("make", MAKES)
 def test_what_a_factory_or_its_module_does_is_one_line(make, tmp_path, scene, monkeypatch, capfd):
     assert run_with(tmp_path, scene, monkeypatch, make=make) == 2
     (line,) = capfd.readouterr().err.splitlines()
