@@ -19,8 +19,14 @@ from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from tests.harness.analysis.test_compare import grid_folder, wobbling
 from tests.harness.analysis.test_comparison_text import comparison, verdict
-from tests.harness.analysis.test_power import BASELINE, SCATTER
 
+BASELINE = Path(__file__).parents[3] / "results" / "reference" / "standard" / "runs.parquet"
+SCATTER = {"hidden.hidden_cost_m": 0.044, "mot.hota": 0.018, "occlusion.same_id_percent": 0.122}
+"""By how much a cell differs between two runs of one tracker on the same detections: standard deviations as shares.
+
+Measured by runs of mmpf cvm with 200, 201, 202 and 203 particles on the detections of seeds 0 to 3 at 40 vehicles per
+km and lane, 30 s: random numbers fall otherwise when anything in a tracker changes.
+"""
 NOISE = [-0.03, 0.02, 0.04, -0.05]
 
 
@@ -138,7 +144,7 @@ def test_a_planted_regression_is_called_worse_and_an_unchanged_tracker_is_not(pl
         drawn = rng.integers(0, 10, 10)
         rows = pd.concat([table[table["seed"] == seed].assign(seed=place) for place, seed in enumerate(drawn)])
         other = rows.copy()
-        for key, share in SCATTER["cvm"].items():
+        for key, share in SCATTER.items():
             factor = 1.0 + share * rng.standard_normal(len(rows))
             cost = key == "hidden.hidden_cost_m"
             other[key] = (rows[key] * factor * (planted if cost else 1.0)).clip(upper=None if cost else 100.0)
