@@ -1,4 +1,4 @@
-"""A real browser, without a screen and without a network."""
+"""The recorded scene as a finished run, and a real browser, without a screen and without a network."""
 
 from __future__ import annotations
 
@@ -6,8 +6,16 @@ import shutil
 
 import pytest
 
+from harness.running.finished import RecordedRun, read_recorded_run
+from tests.harness.recorded_scene import write_recorded_scene
+
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
+
+
+@pytest.fixture
+def run(tmp_path) -> RecordedRun:
+    return read_recorded_run(write_recorded_scene(tmp_path / "run"))
 
 
 @pytest.fixture(scope="session")

@@ -18,15 +18,8 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.report.comparison_page import comparison_charts
 from harness.report.page import LIBRARY
 from harness.report.run_charts import diagnostics_charts, error_charts, visibility_charts
-from harness.running.finished import read_recorded_run
-from tests.harness.recorded_scene import write_recorded_scene
 
 ROOT = Path(__file__).parents[3]
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return read_recorded_run(write_recorded_scene(tmp_path_factory.mktemp("runs") / "run"))
 
 
 STATE_OF = {"visible": "visible", "partly hidden": "partial", "hidden": "hidden"}

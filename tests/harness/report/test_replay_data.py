@@ -11,11 +11,6 @@ from harness.running.finished import read_recorded_run
 from tests.harness.recorded_scene import GIVEN_UP, LAST_SEEN, STEPS, rewrite, write_recorded_scene
 
 
-@pytest.fixture
-def run(tmp_path):
-    return read_recorded_run(write_recorded_scene(tmp_path / "run"))
-
-
 def unpacked(column):
     return np.frombuffer(base64.b64decode(column["data"]), dtype=f"<{column['type']}")
 

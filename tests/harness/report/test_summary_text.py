@@ -5,22 +5,10 @@ import pytest
 
 from harness.report.key_figures import coasting_errors_m, key_figures, key_table
 from harness.report.summary_text import setting_sentence, summary_sentences
-from harness.running.finished import read_recorded_run
 from harness.scoring.metrics.registry import completed
 from mmpf.map.corridor_road import highway
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import without_map
-from tests.harness.recorded_scene import metrics_of, write_recorded_scene
-
-
-@pytest.fixture
-def run(tmp_path):
-    return read_recorded_run(write_recorded_scene(tmp_path / "run"))
-
-
-@pytest.fixture
-def metrics(tmp_path):
-    return metrics_of(write_recorded_scene(tmp_path / "run"))
 
 
 @pytest.mark.parametrize(
@@ -31,7 +19,8 @@ def metrics(tmp_path):
         (95.0, None, "95 % for vehicles that are not hidden (about right)."),
     ],
 )
-def test_intervals_are_judged_for_visible_and_hidden_vehicles_apart(metrics, in_view, hidden, words):
+def test_intervals_are_judged_for_visible_and_hidden_vehicles_apart(run, in_view, hidden, words):
+    metrics = run.metrics
     for state, share in (("visible", in_view), ("hidden", hidden)):
         metrics["calibration"][state] |= {"n": 1000, "coverage95": {"lon": share}}
     assert words in " ".join(summary_sentences(metrics))

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 from harness.report.html_tables import vehicle_table
-from harness.running.finished import read_recorded_run
-from tests.harness.recorded_scene import LAST_SEEN, SEEN_AGAIN, write_recorded_scene
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
-    return read_recorded_run(write_recorded_scene(tmp_path_factory.mktemp("runs") / "run"))
+from tests.harness.recorded_scene import LAST_SEEN, SEEN_AGAIN
 
 
 def rows_of(table):

@@ -12,8 +12,8 @@ from mmpf.scan import SensorModel
 from tests.harness.stand_ins import EchoTracker, SteadyTraffic, observing, track
 
 
-def told(*settings):
-    """Return the data sheets and scans that a tracker is given under these settings."""
+def told(*settings, signals=""):
+    """Return the data sheets and scans that a tracker is given under these settings, with signals in every frame."""
     sheets, scans = [], []
 
     class Listener(EchoTracker):
@@ -26,8 +26,9 @@ def told(*settings):
         return Listener(setting)
 
     config = resolve_run_config(settings=["sensor.profile=lidar", *settings])
-    snapshots = observing(SteadyTraffic(steps=5))(config)
-    tables = track(as_believed(snapshots, config), build, 0)
+    snapshots = observing(SteadyTraffic(steps=5))(config).kept()
+    shown = [replace(snapshot, frame=replace(snapshot.frame, signals=signals)) for snapshot in snapshots]
+    tables = track(as_believed(replace(snapshots, stream=shown), config), build, 0)
     return sheets[0], scans, tables
 
 
@@ -82,19 +83,6 @@ def test_an_impossible_data_sheet_is_refused_by_name(values):
 
 
 def test_no_tracker_is_told_of_signals_unless_it_shall_know_them():
-    def told_with_signals(*settings):
-        scans = []
-
-        class Listener(EchoTracker):
-            def step(self, scan):
-                scans.append(scan)
-                return super().step(scan)
-
-        config = resolve_run_config(settings=["sensor.profile=lidar", *settings])
-        snapshots = observing(SteadyTraffic(steps=5))(config).kept()
-        shown = [replace(snapshot, frame=replace(snapshot.frame, signals="10")) for snapshot in snapshots]
-        track(as_believed(replace(snapshots, stream=shown), config), Listener, 0)
-        return scans
-
-    assert all(scan.open_signals is None for scan in told_with_signals())
-    assert [scan.open_signals.tolist() for scan in told_with_signals("tracker.knows_signals=true")][-1] == [True, False]
+    assert all(scan.open_signals is None for scan in told(signals="10")[1])
+    scans = told("tracker.knows_signals=true", signals="10")[1]
+    assert scans[-1].open_signals.tolist() == [True, False]

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from harness.lab.fidelity.comparison import distances
 from harness.lab.fidelity.fields import BIN_S, CELL_M, FIELD_FILES, FOOT_M, Fields
 from harness.lab.fidelity.measured import read_measured
 from harness.lab.fidelity.samples import UNITS, BehaviourSamples
+from harness.lab.fidelity.statistics import PeriodStatistics
 from harness.truth.network.network import load_network
 
 FIELDS = Path(os.environ.get("MMPF_REALDATA", "no recordings")) / "us101_fields"
@@ -65,13 +67,7 @@ def test_the_same_traffic_on_both_sides_meets_every_target(no_sumo, recorded_fie
     assert set(result["periods"]) == set(NAMES)
     for period in result["periods"].values():
         for side in ("sim", "real"):
-            assert {
-                "mean_speed_mps",
-                "flow_veh_per_h",
-                "density_veh_per_km_lane",
-                "share_below_4mps",
-                "wave_mps",
-            } <= set(period[side])
+            assert {field.name for field in fields(PeriodStatistics)} <= set(period[side])
         assert period["sim"]["density_veh_per_km_lane"] == pytest.approx(48.0)
         assert all(target["met"] for target in period["targets"])
     assert result["distances"] == {}
@@ -144,10 +140,20 @@ def own_network(tmp_path):
     return folder
 
 
-def test_calibrate_writes_what_the_next_run_reads(no_sumo, own_network, tmp_path, capsys):
-    arguments = ["calibrate", "--net", str(own_network), "--trials", "2", "--seeds", "1000:1001", "--write", "--quiet"]
-    assert run_command_line([*arguments, "--fresh", "--json", "--out", str(tmp_path / "out")]) == 0
-    result = json.loads(capsys.readouterr().out)
+@pytest.fixture
+def calibrated(own_network, tmp_path, capsys):
+    """Return what calibrates that network with further options, and hands on the result."""
+
+    def run(*words):
+        words = ["calibrate", "--net", str(own_network), "--quiet", "--json", "--out", str(tmp_path / "out"), *words]
+        assert run_command_line(words) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def test_calibrate_writes_what_the_next_run_reads(no_sumo, own_network, tmp_path, calibrated):
+    result = calibrated("--trials", "2", "--seeds", "1000:1001", "--write", "--fresh")
     assert len(result["trials"]) == 2
     network = load_network(str(own_network))
     assert network.drivers.model_dump() == pytest.approx(result["outcome"]["drivers"])
@@ -155,39 +161,27 @@ def test_calibrate_writes_what_the_next_run_reads(no_sumo, own_network, tmp_path
     assert (tmp_path / "out" / "calibration.toml").is_file()
 
 
-def test_calibrating_one_demand_leaves_drivers_and_other_demands_alone(no_sumo, own_network, tmp_path):
+def test_calibrating_one_demand_leaves_drivers_and_other_demands_alone(no_sumo, own_network, calibrated):
     before = load_network(str(own_network))
-    arguments = [
-        "calibrate",
-        "--net",
-        str(own_network),
-        "--demand",
-        "us101-0750",
-        "--trials",
-        "3",
-        "--write",
-        "--quiet",
-    ]
-    assert run_command_line([*arguments, "--fresh", "--out", str(tmp_path / "out")]) == 0
+    calibrated("--demand", "us101-0750", "--trials", "3", "--write", "--fresh")
     after = load_network(str(own_network))
     assert after.demand_files["us101-0805"] == before.demand_files["us101-0805"]
     assert after.demand_files["us101-0750"] != before.demand_files["us101-0750"]
     assert after.drivers == before.drivers
 
 
-def test_calibrating_all_demands_can_leave_the_drivers_alone(no_sumo, own_network, tmp_path):
+def test_calibrating_all_demands_can_leave_the_drivers_alone(no_sumo, own_network, calibrated):
     before = load_network(str(own_network))
-    arguments = ["calibrate", "--net", str(own_network), "--trials", "2", "--write", "--quiet"]
-    assert run_command_line([*arguments, "--keep-drivers", "--out", str(tmp_path / "kept")]) == 0
+    calibrated("--trials", "2", "--write", "--keep-drivers")
     kept = load_network(str(own_network))
     assert kept.drivers == before.drivers
     assert all(kept.demand_files[name] != before.demand_files[name] for name in NAMES)
-    assert run_command_line([*arguments, "--out", str(tmp_path / "moved")]) == 0
+    calibrated("--trials", "2", "--write")
     assert load_network(str(own_network)).drivers != before.drivers
 
 
 def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_later_candidates(
-    own_network, tmp_path, monkeypatch, capsys
+    calibrated, monkeypatch
 ):
     seeds = []
 
@@ -196,10 +190,8 @@ def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_l
         return [(wavy_fields(180, mean=8.0 + job.seed % 3), some_samples()) for job in jobs]
 
     monkeypatch.setattr(calibration, "simulate_all", made_up)
-    arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0805", "--trials", "3", "--json", "--quiet"]
-    assert run_command_line([*arguments, "--seeds", "1000:1002", "--out", str(tmp_path / "out")]) == 0
+    found = calibrated("--demand", "us101-0805", "--trials", "3", "--seeds", "1000:1002")
     assert seeds == [[1000, 1001], [1002, 1003], [1004, 1005]]
-    found = json.loads(capsys.readouterr().out)
     third = found["trials"][2]["demands"]["us101-0805"]["exit_wave_amplitude"]
     outcome = found["outcome"]["demands"]["us101-0805"]["exit_wave_amplitude"]
     measured = read_measured(load_network("us101")).periods["us101-0805"].statistics.share_below_4mps
@@ -209,11 +201,9 @@ def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_l
 
 
 @pytest.mark.slow
-def test_calibrate_runs_end_to_end_on_a_small_budget(own_network, tmp_path, capsys):
-    arguments = ["calibrate", "--net", str(own_network), "--demand", "us101-0750", "--trials", "2", "--minutes", "2"]
-    options = ["--seeds", "1000:1001", "--json", "--quiet", "--out", str(tmp_path / "out")]
-    assert run_command_line([*arguments, *options]) == 0
-    trials = json.loads(capsys.readouterr().out)["trials"]
+def test_calibrate_runs_end_to_end_on_a_small_budget(calibrated):
+    words = ("--demand", "us101-0750", "--trials", "2", "--minutes", "2", "--seeds", "1000:1001")
+    trials = calibrated(*words)["trials"]
     assert len(trials) == 2
     assert all(2.0 < trial["simulated"]["us101-0750"]["mean_speed_mps"] < 20.0 for trial in trials)
 
