@@ -29,7 +29,7 @@ FEWEST_EVENTS = 20
 
 # The headline of hidden vehicles first, then errors, then identities.
 CURVES = (
-    *("hidden.hidden_cost_m", "hidden.false_hidden_tracks_per_scan"),
+    *("hidden.hidden_cost_m", "hidden.hidden_crps_m", "hidden.false_hidden_tracks_per_scan"),
     *("mae.visible.lon_m", "mae.hidden.lon_m", "mae.hidden.n"),
     *("occlusion.same_id", "mot.hota", "mot.id_switches", "in_plain_view.recall", "in_plain_view.worst_tenth"),
 )

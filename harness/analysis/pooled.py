@@ -20,9 +20,10 @@ from mmpf.numerics.arrays import FloatArray
 # What the scores are called in the file: the headline of hidden vehicles, multi-object scores, errors, the rest.
 POOLED = {
     "hidden.hidden_cost_m": "hidden_cost_m", "hidden.false_hidden_tracks_per_scan": "false_hidden_tracks_per_scan",
-    "hidden.identity_cost_m": "hidden_identity_cost_m", "mot.hota": "hota", "mot.idf1": "idf1",
-    "mot.id_switches": "id_switches_per_vehicle_minute", "mae.visible.lon_m": "mae.visible.lon_m",
-    "mae.visible.n": "visible_followed", "mae.hidden.lon_m": "mae.hidden.lon_m", "mae.hidden.n": "hidden_followed",
+    "hidden.identity_cost_m": "hidden_identity_cost_m", "hidden.hidden_crps_m": "hidden_crps_m",
+    "mot.hota": "hota", "mot.idf1": "idf1", "mot.id_switches": "id_switches_per_vehicle_minute",
+    "mae.visible.lon_m": "mae.visible.lon_m", "mae.visible.n": "visible_followed",
+    "mae.hidden.lon_m": "mae.hidden.lon_m", "mae.hidden.n": "hidden_followed",
     "gospa_remembered.mean": "gospa_remembered_m", "occlusion.same_id": "same_id",
     **{
         f"gaps.{kind}.{score}": f"{name}_{kind}"

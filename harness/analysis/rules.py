@@ -12,13 +12,14 @@ from harness.common.error_text import first_problem, shown
 from harness.common.errors import InputError
 from harness.common.untrusted_files import read_toml
 from harness.scoring.metrics import closedloop
+from harness.scoring.metrics.hidden_cost import COST, CRPS, FALSE_HIDDEN
 from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
 
-PRIMARY = ("mot.hota", "hidden.hidden_cost_m", "occlusion.same_id_percent", RECALL, WORST_TENTH)
+PRIMARY = ("mot.hota", COST, "occlusion.same_id_percent", CRPS, RECALL, WORST_TENTH)
 COMPARED = (
-    *("hidden.hidden_cost_m", "hidden.false_hidden_tracks_per_scan", "mae.visible.lon_m", "mae.visible.speed_mps"),
+    *(COST, CRPS, FALSE_HIDDEN, "mae.visible.lon_m", "mae.visible.speed_mps"),
     *("mae.partial.lon_m", "mae.hidden.lon_m", "mae.hidden.speed_mps", "hidden_outcomes", "occlusion.same_id_percent"),
     *("mot.hota", "mot.idf1", "mot_all.hota", "in_plain_view", "existence_calibration", "calibration.anees"),
     *("decisions", "pseudo_occlusion"),

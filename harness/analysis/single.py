@@ -15,6 +15,7 @@ from harness.analysis.vehicles import (
     ByVehicle,
     closeness,
     hidden_cost_by_vehicle,
+    hidden_crps_by_vehicle,
     hota_by_vehicle,
     plain_view_by_vehicle,
     ratio_by_vehicle,
@@ -27,6 +28,7 @@ from harness.common.effects import NOTHING, Effect, neighbours_effect
 from harness.common.errors import InputError
 from harness.scoring.evidence.errors import scored_rows
 from harness.scoring.gathered import Evidence, gather
+from harness.scoring.metrics.hidden_cost import COST, CRPS
 from harness.scoring.metrics.in_plain_view import RECALL, WORST_TENTH
 from harness.scoring.metrics.paired import KEYS, paired_errors
 from harness.scoring.metrics.quantity import Quantity
@@ -42,7 +44,8 @@ ERROR_COLUMNS = {"lon_m": "lon_error_m", "lat_m": "lat_error_m", "speed_mps": "s
 FOLLOWED = "hidden_outcomes.tracked_percent"
 BY_VEHICLE: dict[str, Callable[[Evidence, int], ByVehicle]] = {
     "mot.hota": hota_by_vehicle,
-    "hidden.hidden_cost_m": hidden_cost_by_vehicle,
+    COST: hidden_cost_by_vehicle,
+    CRPS: hidden_crps_by_vehicle,
     "occlusion.same_id_percent": same_identity_by_vehicle,
     RECALL: plain_view_by_vehicle,
     WORST_TENTH: worst_tenth_by_vehicle,

@@ -17,6 +17,7 @@ from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.evidence.sequence import select_in_sight
 from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.hidden_cost import crps_of_hidden
 from harness.scoring.metrics.hota import hota_couples, measure_hota
 from harness.scoring.metrics.in_plain_view import RANKED_S, WORST_SHARE, measure_plain_view, worst_share
 from mmpf.numerics.arrays import FloatArray, IntArray
@@ -89,6 +90,12 @@ def hidden_cost_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     """Return the hidden cost."""
     hidden = evidence.following.hidden
     return ratio_by_vehicle(evidence.following.distance_m[hidden], evidence.rows.truth.vehicle[hidden], vehicles)
+
+
+def hidden_crps_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
+    """Return the continuous ranked probability score of hidden vehicles."""
+    hidden = evidence.following.hidden
+    return ratio_by_vehicle(crps_of_hidden(evidence), evidence.rows.truth.vehicle[hidden], vehicles)
 
 
 def same_identity_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:

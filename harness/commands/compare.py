@@ -43,9 +43,9 @@ class Options(TypedDict):
         Option(
             "Metrics that get a verdict, separated by commas; your own as MODULE:KEY. Others are only in the files of "
             "--html and --markdown. "
-            "(default: mot.hota, hidden.hidden_cost_m, occlusion.same_id_percent, in_plain_view.recall, "
-            "in_plain_view.worst_tenth; for drives drive.collided_percent, drive.ttc_below_1_5_percent, "
-            "drive.hard_brakes_per_km)"
+            "(default: mot.hota, hidden.hidden_cost_m, occlusion.same_id_percent, hidden.hidden_crps_m, "
+            "in_plain_view.recall, in_plain_view.worst_tenth; for drives drive.collided_percent, "
+            "drive.ttc_below_1_5_percent, drive.hard_brakes_per_km)"
         ),
     ]
     allow_undecided: Annotated[bool, Option("Exit with code 0 instead of 4 if the result is undecided.", default=False)]

@@ -30,16 +30,6 @@ def independent_ci(values: FloatArray, rng: np.random.Generator, draws: int = 10
     return Interval(float(low), float(high))
 
 
-def sums_by_label(values: FloatArray, groups: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Sum values, shape (n,), over groups with any labels, shape (n,); nan is left out, and a group of nothing else.
-
-    Returns:
-        Sums and numbers of values in the order of the labels, both of shape (groups, 1).
-    """
-    finite = np.isfinite(values)
-    return group_sums(values[finite][:, None], np.unique(groups[finite], return_inverse=True)[1])
-
-
 def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatArray]:
     """Sum the columns of values, shape (n, k), over groups numbered from 0, shape (n,); nan is left out.
 

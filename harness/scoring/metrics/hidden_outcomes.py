@@ -34,13 +34,8 @@ def hidden_outcomes(counts: IntArray) -> dict[str, float]:
         (``untracked``).
     """
     n = int(counts.sum())
-    return {
-        "n": n,
-        "tracked_percent": 100.0 * ratio(counts[TRACKED], n),
-        "lost_percent": 100.0 * ratio(counts[LOST], n),
-        "hijacked_percent": 100.0 * ratio(counts[HIJACKED], n),
-        "untracked_percent": 100.0 * ratio(counts[UNTRACKED], n),
-    }
+    told = (TRACKED, LOST, HIJACKED, UNTRACKED)
+    return {"n": n, **{f"{OUTCOMES[each]}_percent": 100.0 * ratio(counts[each], n) for each in told}}
 
 
 outcomes_while_hidden = of_whole(hidden_outcomes)

@@ -12,11 +12,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from harness.common.bootstrap import cluster_bootstrap, group_sums
+from harness.common.bootstrap import group_sums
 from harness.scoring.evidence.rules import TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.hidden_outcomes import count_outcomes, hidden_outcomes
-from harness.scoring.metrics.parts import ROWS, drawn_of_whole, ratio
+from harness.scoring.metrics.parts import ROWS, drawn_of_whole, intervals_of, ratio
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import HIDDEN, PARTIAL, VISIBLE
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -81,8 +81,9 @@ def measure_errors(evidence: Evidence) -> ErrorPart:
 
     def sums_of(chosen: BoolArray) -> ErrorSums:
         kept = chosen & errors.tracked
-        sums, counts = _sums(errors.absolute[kept], errors.vehicle[kept])
-        return ErrorSums(int(kept.sum()), count_outcomes(errors.outcome[chosen]), sums, counts)
+        values = np.column_stack((errors.absolute[kept], np.hypot(errors.absolute[kept, 0], errors.absolute[kept, 1])))
+        of_vehicles = group_sums(values, np.unique(errors.vehicle[kept], return_inverse=True)[1])
+        return ErrorSums(int(kept.sum()), count_outcomes(errors.outcome[chosen]), *of_vehicles)
 
     def hidden_for(from_s: float, to_s: float) -> BoolArray:
         longer = errors.seconds_hidden > from_s + TIME_TOLERANCE_S
@@ -117,20 +118,13 @@ def mean_errors_by_visibility(part: ErrorPart, rng: np.random.Generator) -> dict
     return table
 
 
-def _sums(absolute: FloatArray, vehicle: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Sum the errors and the Euclidean error of the position over each vehicle, both of shape (vehicles, 5)."""
-    values = np.column_stack((absolute, np.hypot(absolute[:, 0], absolute[:, 1])))
-    return group_sums(values, np.unique(vehicle, return_inverse=True)[1])
-
-
 def _means(group: ErrorSums, rng: np.random.Generator) -> dict[str, object]:
     """Return the table of means of a group; the ends are None with fewer than two vehicles."""
     total = group.counts.sum(axis=0)
     means = np.divide(group.sums.sum(axis=0), total, out=np.full(len(NAMES), np.nan), where=total > 0)
-    intervals = dict(zip(NAMES, cluster_bootstrap(group.sums, group.counts, rng), strict=True))
     return {
         **dict(zip(NAMES, means.tolist(), strict=True)),
         "n": group.followed,
         "speed_n": int(total[NAMES.index("speed_mps")]),
-        **{f"{name}_ci95": None if np.isnan(ends.low) else [ends.low, ends.high] for name, ends in intervals.items()},
+        **intervals_of(NAMES, group.sums, group.counts, rng),
     }

@@ -10,11 +10,12 @@ import numpy as np
 from harness.scoring.evidence.events import OcclusionEvents
 from harness.scoring.evidence.rules import MEMORY_S, TIME_TOLERANCE_S
 from harness.scoring.gathered import Evidence
-from harness.scoring.metrics.parts import joined
+from harness.scoring.metrics.parts import joined, of_any, ratio
 from harness.scoring.metrics.quantity import Quantity, of_kinds
-from mmpf.numerics.arrays import BoolArray
 
 EVENTS = "occlusion.events"
+SHARED = ("survived", "hijacked", "lost", "same_id")
+"""Outcomes of which the share of all events is told."""
 SHORT_S = 3.0
 """Longest time without detection of a short event."""
 QUANTITIES = (
@@ -63,25 +64,12 @@ def count_outcomes(events: OcclusionEvents, longer_than_s: float, at_most_s: flo
         events.duration_s <= at_most_s + TIME_TOLERANCE_S
     )
     total = int(chosen.sum())
-
-    def count(outcome: BoolArray) -> int:
-        return int((outcome & chosen).sum())
-
-    def percent(outcome: BoolArray) -> float:
-        return 100.0 * count(outcome) / total if total else np.nan
-
-    delay_s = events.reacquire_s[chosen & np.isfinite(events.reacquire_s)]
+    counts = {name: int((getattr(events, name) & chosen).sum()) for name in SHARED}
     return {
         "events": total,
-        "survived": count(events.survived),
-        "hijacked": count(events.hijacked),
-        "lost": count(events.lost),
-        "same_id": count(events.same_id),
-        "untracked": count(events.track_id < 0),
-        "alive_at_return": count(events.alive_at_return),
-        "survived_percent": percent(events.survived),
-        "hijacked_percent": percent(events.hijacked),
-        "lost_percent": percent(events.lost),
-        "same_id_percent": percent(events.same_id),
-        "median_reacquire_s": float(np.median(delay_s)) if len(delay_s) else np.nan,
+        **counts,
+        "untracked": int((chosen & (events.track_id < 0)).sum()),
+        "alive_at_return": int((chosen & events.alive_at_return).sum()),
+        **{f"{name}_percent": ratio(100.0 * count, total) for name, count in counts.items()},
+        "median_reacquire_s": of_any(np.median, events.reacquire_s[chosen & np.isfinite(events.reacquire_s)]),
     }

@@ -9,6 +9,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from harness.common.bootstrap import cluster_bootstrap
 from harness.scoring.gathered import Evidence
 from mmpf.numerics.arrays import BoolArray, FloatArray
 
@@ -95,3 +96,11 @@ def of_any(statistic: Callable[[Any], Any], values: FloatArray | BoolArray) -> f
 def ratio(part: float, whole: float) -> float:
     """Return a part of a whole as a share of it, nan of none."""
     return float(part) / float(whole) if whole else np.nan
+
+
+def intervals_of(
+    names: Sequence[str], sums: FloatArray, counts: FloatArray, rng: np.random.Generator
+) -> dict[str, list[float] | None]:
+    """Return the intervals of ``cluster_bootstrap`` under each mean's name with ``_ci95``; None for too few groups."""
+    found = zip(names, cluster_bootstrap(sums, counts, rng), strict=True)
+    return {f"{name}_ci95": None if np.isnan(ends.low) else [ends.low, ends.high] for name, ends in found}

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from harness.scoring.evidence.directions import along_and_across
+from harness.scoring.evidence.directions import along_and_across, along_axes
 from harness.scoring.evidence.errors import TRACKED, scored_rows
 from harness.scoring.evidence.events import row_after
 from harness.scoring.evidence.matching import find_track_rows
@@ -120,11 +120,10 @@ def _windows(truth: TruthRows, times: FloatArray) -> tuple[IntArray, IntArray]:
 def _constant_velocity_error(truth: TruthRows, onset: IntArray, last: IntArray) -> FloatArray:
     """Return how far the true state at the onset, at constant velocity, ends from the vehicle, shape (w,)."""
     time_s = truth.time_s[last] - truth.time_s[onset]
-    along, across = truth.speed_mps[onset] * time_s, truth.lat_speed_mps[onset] * time_s
-    cosine, sine = np.cos(truth.direction_rad[onset]), np.sin(truth.direction_rad[onset])
-    x = truth.lon_m[onset] + cosine * along - sine * across
-    y = truth.lat_m[onset] + sine * along + cosine * across
-    return np.asarray(np.hypot(x - truth.lon_m[last], y - truth.lat_m[last]))
+    along_m, across_m = truth.speed_mps[onset] * time_s, truth.lat_speed_mps[onset] * time_s
+    x, y = along_axes(along_m, across_m, truth.direction_rad[onset])
+    off_x, off_y = truth.lon_m[onset] + x - truth.lon_m[last], truth.lat_m[onset] + y - truth.lat_m[last]
+    return np.asarray(np.hypot(off_x, off_y))
 
 
 def _same_identity(evidence: Evidence, onset: IntArray, last: IntArray) -> tuple[BoolArray, BoolArray]:
@@ -183,8 +182,6 @@ def scores_of_pseudo_occlusions(windows: HiddenWindows) -> dict[str, object]:
 def _scores(windows: HiddenWindows, chosen: BoolArray) -> dict[str, float]:
     followed = windows.followed & chosen
     error_m, constant_m = windows.error_m[followed], windows.constant_m[followed]
-    longest_m = FOLLOW_CUTOFF_M
-    cost_m = np.where(windows.followed, np.fmin(windows.error_m, longest_m), longest_m)[chosen]
     mean = partial(of_any, np.mean)
     return {
         WINDOWS: int(chosen.sum()),
@@ -195,7 +192,7 @@ def _scores(windows: HiddenWindows, chosen: BoolArray) -> dict[str, float]:
         "constant_velocity_m": mean(constant_m),
         CONSTANT: float(constant_m.sum()),
         "ratio": mean(error_m) / mean(constant_m) if len(error_m) and constant_m.sum() > 0.0 else np.nan,
-        "cost_m": mean(cost_m),
+        "cost_m": mean(np.fmin(windows.error_m[chosen], FOLLOW_CUTOFF_M)),  # nan where not followed
         "ellipse90_percent": 100.0 * mean(windows.in_ellipse[followed]),
         "same_id_percent": 100.0 * mean(windows.same_id[chosen & windows.judged]),
     }

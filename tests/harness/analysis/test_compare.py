@@ -223,13 +223,8 @@ def test_a_row_that_is_of_no_run_is_refused_in_one_line(cell, tmp_path, refused)
 
 def test_a_tracker_whose_runs_all_failed_does_not_vanish_unseen(tmp_path):
     a = grid_folder(tmp_path / "a")
-
-    def both(table: pd.DataFrame) -> pd.DataFrame:
-        return pd.concat([table, table.assign(model="gmm")])
-
-    whole = edited(a, both)
-    shutil.move(whole, tmp_path / "whole")
-    whole = str(tmp_path / "whole")
+    both = edited(a, lambda table: pd.concat([table, table.assign(model="gmm")]))
+    whole = str(shutil.move(both, tmp_path / "whole"))
     lost = edited(whole, lambda table: table.assign(succeeded=table["model"] == "cvm"))
     gone = str(shutil.move(edited(a, lambda table: table), tmp_path / "gone"))
     assert run_command_line(["compare", whole, whole, "--quiet"]) == exit_codes.DONE

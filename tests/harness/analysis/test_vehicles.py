@@ -14,6 +14,7 @@ from harness.analysis.vehicles import (
     _hota_influence,
     closeness,
     hidden_cost_by_vehicle,
+    hidden_crps_by_vehicle,
     hota_by_vehicle,
     plain_view_by_vehicle,
     ratio_by_vehicle,
@@ -55,6 +56,7 @@ def six_cars(seed: int, apart_m: float = 40.0) -> Evidence:
     [
         (hota_by_vehicle, "mot", "hota"),
         (hidden_cost_by_vehicle, "hidden", "hidden_cost_m"),
+        (hidden_crps_by_vehicle, "hidden", "hidden_crps_m"),
         (same_identity_by_vehicle, "occlusion", "same_id_percent"),
     ],
 )

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.common.bootstrap import cluster_bootstrap, sums_by_label
+from harness.common.bootstrap import cluster_bootstrap, group_sums
 from harness.common.intervals import ANY, possible_ci
 
 
@@ -13,7 +13,7 @@ def test_the_interval_covers_the_true_mean_about_as_often_as_it_says():
     for _ in range(300):
         vehicle_mean = rng.normal(size=30)
         values = np.repeat(vehicle_mean, 10) + rng.normal(0, 0.1, 300)
-        interval = cluster_bootstrap(*sums_by_label(values, np.repeat(np.arange(30), 10)), rng, draws=300)[0]
+        interval = cluster_bootstrap(*group_sums(values[:, None], np.repeat(np.arange(30), 10)), rng, draws=300)[0]
         covered += interval.low <= 0.0 <= interval.high
     assert 0.89 < covered / 300 < 0.98
 

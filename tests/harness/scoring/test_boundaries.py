@@ -23,7 +23,7 @@ from harness.scoring.metrics.hidden_by import cause_between
 from harness.scoring.metrics.manoeuvre import heading_rate, manoeuvre_between
 from harness.scoring.metrics.parts import combined
 from harness.scoring.metrics.scarce import check_scored
-from harness.scoring.metrics.unseen_turns import TurnsPart, _way, distance_to_line, scores_of_turns
+from harness.scoring.metrics.unseen_turns import TurnsPart, _way, scores_of_turns
 
 
 def scarce(truth_n: int, steps: int, in_range: int = 5, detected: int = 4) -> str:
@@ -245,14 +245,6 @@ def test_a_way_goes_on_straight_beyond_both_its_ends_which_lie_before_and_after_
     other = _way(truth, 260, 270)
     assert set(other[:, 1]) == {50.0}
     assert other[-1, 0] - 10.0 < 199.0
-
-
-def test_the_distance_to_a_line_of_short_pieces():
-    line = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.0], [0.1, 0.1]])
-    assert distance_to_line(np.array([0.05, -0.2]), line) == pytest.approx(0.2)
-    assert distance_to_line(np.array([0.4, 0.5]), line) == pytest.approx(0.5)
-    assert distance_to_line(np.array([0.3, 0.05]), line) == pytest.approx(0.2)
-    assert distance_to_line(np.array([-0.3, 0.4]), line) == pytest.approx(0.5)
 
 
 def test_the_nearest_vehicle_to_a_detection_is_one_of_its_own_step():

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.common.bootstrap import Interval, cluster_bootstrap, group_sums, independent_ci, sums_by_label
+from harness.common.bootstrap import Interval, cluster_bootstrap, group_sums, independent_ci
 from harness.common.intervals import ANY, possible_ci
 from harness.scoring.evidence.rows import _codes, _origins, read_run
 from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
@@ -97,8 +97,6 @@ def test_sums_over_groups_leave_out_what_is_missing_column_by_column():
     assert sums.tolist() == [[3.0, 5.0], [0.0, 0.0], [4.0, 8.0]]
     assert counts.tolist() == [[2.0, 1.0], [0.0, 0.0], [1.0, 2.0]]
     assert group_sums(np.zeros((0, 2)), np.zeros(0, int))[0].shape == (0, 2)
-    sums, counts = sums_by_label(np.array([1.0, 2.0, NAN, 4.0]), np.array([9, 5, 7, 9]))
-    assert (sums.tolist(), counts.tolist()) == ([[2.0], [5.0]], [[1.0], [2.0]])
 
 
 def test_intervals_by_resampling_are_the_quantiles_of_means_of_groups_drawn_with_replacement(monkeypatch):

@@ -76,17 +76,13 @@ def test_the_rule_asks_for_no_detection():
         assert missed(20.0, 1.2, detected=detected) == (1, 1)
 
 
-def test_a_stopped_car_with_a_track_is_not_charged():
-    assert missed(20.0, 1.2, reported=lambda step: step >= 0) == (0, 0)
-    assert missed(20.0, 3.0, reported=lambda step: step >= 0) == (0, 0)
-
-
 def test_a_track_that_no_driver_believes_is_none():
     assert missed(20.0, 1.2, reported=lambda step: step >= 0, existence=0.49) == (1, 1)
 
 
-def test_a_track_that_flickers_is_charged_unless_it_is_there_most_of_the_time():
+def test_a_stopped_car_with_a_track_is_not_charged_unless_that_flickers_and_is_mostly_not_there():
     for braking in (1.2, 3.0):
+        assert missed(20.0, braking, reported=lambda step: step >= 0) == (0, 0)
         assert missed(20.0, braking, reported=lambda step: step % 3 == 0) == (1, 1)
         assert missed(20.0, braking, reported=lambda step: step % 3 != 0) == (0, 0)
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import copy
-import math
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from harness.common.bootstrap import cluster_bootstrap
 from harness.decisions.decide import driver_of
 from harness.scoring.driving.asked import DriverSetup
 from harness.scoring.metrics import registry
@@ -102,13 +99,3 @@ def test_a_metric_of_the_whole_run_lets_no_run_come_in_stretches(pieces, monkeyp
     scorer.add(*pieces[0])
     with pytest.raises(ValueError, match="stretch by stretch"):
         scorer.add(*pieces[1])
-
-
-def test_resamples_of_very_many_vehicles_are_drawn_in_blocks(monkeypatch):
-    rng = np.random.default_rng(0)
-    sums, counts = rng.normal(3.0, 1.0, (500, 1)), np.ones((500, 1))
-    at_once = cluster_bootstrap(sums, counts, np.random.default_rng(1))
-    monkeypatch.setattr("harness.common.bootstrap.MOST_WEIGHTS", 20_000)
-    in_blocks = cluster_bootstrap(sums, counts, np.random.default_rng(1))
-    assert in_blocks[0].low == pytest.approx(at_once[0].low, rel=1e-12)
-    assert in_blocks[0].high - in_blocks[0].low == pytest.approx(2 * 1.96 / math.sqrt(500), rel=0.2)

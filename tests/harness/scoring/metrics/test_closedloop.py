@@ -27,14 +27,11 @@ def stop_behind(gap_m, speed_mps, braking_mps2):
     return DriveRecord(speed, gap_m - way, np.zeros(STEPS), demanded, demanded, STEP_S)
 
 
-def test_a_steady_stop_drives_half_its_squared_speed_over_its_braking():
+def test_a_steady_stop_drives_half_its_squared_speed_over_its_braking_which_is_hard_above_three():
     scored = score_drive(stop_behind(60.0, 20.0, 4.0), IN_TIME, None)
     assert 1e3 * scored["km"] == pytest.approx(20.0**2 / (2.0 * 4.0), rel=1e-6)
     assert scored["mean_speed_mps"] == pytest.approx(50.0 / 20.0, rel=1e-6)
     assert (scored["hard_brakes"], scored["hard_brakes_per_km"]) == (1, pytest.approx(1.0 / 0.05))
-
-
-def test_braking_of_less_than_three_is_not_hard():
     assert score_drive(stop_behind(200.0, 20.0, 2.9), IN_TIME, None)["hard_brakes"] == 0
 
 

@@ -89,14 +89,9 @@ def test_a_car_without_a_track_is_a_missed_braking_that_is_told_whole():
     assert found["collision_time_error_s"] == pytest.approx(10.0 - 20.0 / 12.0)
 
 
-def test_what_lasts_less_than_half_a_second_is_no_missed_braking():
-    speed = np.where((np.arange(STEPS) >= 50) & (np.arange(STEPS) < 54), 8.0, SPEED)
-    scene = Drive().car("slow", 24.0, speed)
-    assert scene.scored().metrics["decisions"]["missed"] == 0
-
-
-def test_the_first_seconds_of_an_ego_are_not_judged():
-    speed = np.where(np.arange(STEPS) < 18, 8.0, SPEED)
+@pytest.mark.parametrize(("first", "last"), [(50, 53), (0, 17)])
+def test_what_lasts_less_than_half_a_second_or_is_in_the_first_seconds_of_an_ego_is_no_missed_braking(first, last):
+    speed = np.where((np.arange(STEPS) >= first) & (np.arange(STEPS) <= last), 8.0, SPEED)
     assert Drive().car("slow", 24.0, speed).scored().metrics["decisions"]["missed"] == 0
 
 

@@ -102,8 +102,8 @@ def test_a_road_with_a_frame_of_its_own_has_no_routes():
 
 
 def test_the_distance_to_a_way_is_that_to_its_nearest_point():
-    line = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
-    for place in ([4.0, 3.0], [13.0, 5.0], [-3.0, 4.0], [10.0, 10.0]):
+    line = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 0.0], [10.0, 0.1], [10.0, 10.0]])
+    for place in ([4.0, 3.0], [13.0, 5.0], [-3.0, 4.0], [10.0, 10.0], [10.2, 0.05]):
         dense = np.concatenate([np.linspace(a, b, 20001) for a, b in pairwise(line)])
         assert distance_to_line(np.array(place), line) == pytest.approx(np.hypot(*(dense - place).T).min(), abs=1e-3)
 

@@ -5,9 +5,15 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
 
+from harness.analysis.curves import sums_and_weights
 from harness.scoring.gathered import gather
+from harness.scoring.metrics.hidden_cost import CRPS, gaussian_crps
+from harness.scoring.metrics.registry import view
 from tests.harness.scoring.scenes import Scene, score_run, traffic
 
 CUTOFF_M = 10.0
@@ -140,3 +146,45 @@ def test_the_cost_by_identity_is_that_of_the_error_table():
     ]
     assert len(costs) == scored.metrics["hidden"]["n"] > 100
     assert scored.metrics["hidden"]["identity_cost_m"] == pytest.approx(np.mean(costs))
+
+
+@pytest.mark.parametrize(("error_m", "std_m"), [(0.0, 1.0), (1.5, 0.7), (-6.0, 2.0), (3.0, 40.0)])
+def test_the_ranked_probability_score_is_the_integral_of_its_definition(error_m, std_m):
+    """Of the squared difference between the stated distribution function and the step at the truth, here 0."""
+    below = quad(lambda x: norm.cdf(x, error_m, std_m) ** 2, -np.inf, 0.0)[0]
+    above = quad(lambda x: norm.sf(x, error_m, std_m) ** 2, 0.0, np.inf)[0]
+    assert gaussian_crps(np.array([error_m]), np.array([std_m])) == pytest.approx(below + above, abs=1e-6)
+
+
+def test_without_a_deviation_the_ranked_probability_score_is_the_absolute_error_and_the_right_one_makes_it_least():
+    error_m = np.random.default_rng(0).normal(0.0, 2.0, 20_000)
+    for std_m in (0.0, np.nan):
+        assert gaussian_crps(error_m, np.full(20_000, std_m)).tolist() == np.abs(error_m).tolist()
+    means_m = [gaussian_crps(error_m, np.full(20_000, std_m)).mean() for std_m in (0.4, 1.6, 2.0, 2.4, 10.0)]
+    assert np.argmin(means_m) == 2
+    assert means_m[2] == pytest.approx(2.0 / np.sqrt(np.pi), rel=0.02)
+
+
+def test_deviations_that_are_too_large_or_too_small_raise_the_ranked_probability_score_alone():
+    def told(std_m: float) -> dict:
+        return hidden_scores(hiding(hiding(Scene(STEPS), "kept", 30.0), "lost", 80.0).track(1, 32.0, 1.0, std=std_m))
+
+    right, large, small, exact, endless = (told(std_m) for std_m in (2.0, 10.0, 0.4, 0.0, 1e6))
+    score_m = 2.0 * (norm.cdf(1.0) - norm.cdf(-1.0) + 2.0 * norm.pdf(1.0) - 1.0 / np.sqrt(np.pi))
+    assert right["hidden_crps_m"] == pytest.approx(0.5 * (score_m + CUTOFF_M))
+    assert min(large["hidden_crps_m"], small["hidden_crps_m"]) > right["hidden_crps_m"] + 0.2
+    assert (exact["hidden_crps_m"], endless["hidden_crps_m"]) == (0.5 * (2.0 + CUTOFF_M), CUTOFF_M)
+    assert {each["hidden_cost_m"] for each in (large, small, exact, endless)} == {right["hidden_cost_m"]}
+
+
+@pytest.mark.parametrize(("direction_rad", "error_m", "std_m"), [(-0.7, 1.0, 0.5), (3.0, 1.0, 0.5), (2.0, 3.0, 4.0)])
+def test_in_the_plane_the_axis_nearer_to_the_vehicles_direction_is_scored(direction_rad, error_m, std_m):
+    truth, detections, tracks = hiding(Scene(STEPS), "car", 30.0).track(1, 31.0, 3.0).tables()
+    tables = truth.assign(direction_rad=direction_rad), detections, tracks.assign(std_lon_m=0.5, std_lat_m=4.0)
+    expected_m = gaussian_crps(np.array([error_m]), np.array([std_m]))[0]
+    assert score_run(*tables).metrics["hidden"]["hidden_crps_m"] == pytest.approx(expected_m)
+
+
+def test_runs_are_pooled_by_their_hidden_vehicle_steps():
+    sums, weights = sums_and_weights(pd.DataFrame({CRPS: [1.0, 3.0], "hidden.n": [10, 30]}), view([CRPS])[0])
+    assert sums.sum() / weights.sum() == 2.5

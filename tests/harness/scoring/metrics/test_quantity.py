@@ -71,7 +71,7 @@ MOST = {", %": 100.0, ", percentage points": 100.0, ", °": 180.0, "Brier score"
 )
 def test_an_interval_holds_only_values_that_its_unit_can_have(quantity):
     least = -np.inf if quantity.key in SIGNED else 0.0
-    is_cost = quantity.key.endswith("cost_m")  # of a vehicle without a track it is 10 m
+    is_cost = quantity.key.endswith(("cost_m", "crps_m"))  # of a vehicle without a track it is 10 m
     (most,) = [most for unit, most in MOST.items() if quantity.label.endswith(unit)] or [10.0 if is_cost else np.inf]
     assert (quantity.possible.least, quantity.possible.most) == (least, most)
     for values in ([0.0, 0.0, 1.0], [0.0, most, most]):
