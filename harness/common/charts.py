@@ -19,7 +19,7 @@ from harness.common.files import replacing
 SERIES = tuple(f"var(--series-{place})" for place in range(7))
 """Colours of lines that have no meaning of their own: Okabe and Ito's, and the ink."""
 DASHES: tuple[list[int], ...] = ([1, 0], [6, 3], [2, 3], [8, 3, 2, 3])
-"""Lines beyond the colours change their dashes."""
+"""Where there are more lines than colours, neighbours differ in dashes too: what lies over another does not hide it."""
 LIGHT = {
     "ink": "#1c1c1c", "edge": "#8a8a8a", "line": "#d9d6d0", "visible": "#009e73", "partial": "#c78500",
     "hidden": "#d55e00", **{f"series-{place}": colour for place, colour in enumerate(
@@ -133,7 +133,7 @@ def curves(
     if in_words and len({(row["place"], row["series"]) for row in rows}) > len(places):
         common["xOffset"] = {"field": "series", "scale": {"domain": names}}
     mean, low = {**y, "field": "mean"}, {**y, "field": "low"}
-    dashes = [DASHES[place // len(SERIES) % len(DASHES)] for place in range(len(lines))]
+    dashes = [DASHES[place % len(DASHES) if len(lines) > len(SERIES) else 0] for place in range(len(lines))]
     dash: Spec = {"field": "series", "type": "nominal", "scale": {"domain": names, "range": dashes}, "legend": None}
     layers = _marked(marks)
     if any(row.get("low") is not None for row in rows):
