@@ -256,16 +256,20 @@ def as_values(found: Sequence[Score]) -> list[dict[str, Any]]:
 
 def drive_charts(found: Sequence[Score]) -> Charts:
     """Return means with 95 % intervals of collisions, short times to collision and hard brakes, by belief."""
-    lines, charts = lines_of([f"{kind} episodes" for kind in dict.fromkeys(score.episodes for score in found)]), []
+    kinds = dict.fromkeys(score.episodes for score in found)
+    counts = {kind: max(score.n for score in found if score.episodes == kind) for kind in kinds}
+    series = {kind: f"{kind} episodes, {count}" for kind, count in counts.items()}
+    lines, charts = lines_of(list(series.values())), []
     for metric in CHARTED:
         title = next(quantity.label for quantity in QUANTITIES if quantity.key == metric)
         rows = []
         for score in found:
             if score.metric == metric and score.mean is not None:
                 low, high = score.ci95 or (None, None)
-                row = {"series": f"{score.episodes} episodes", "place": score.belief, "mean": score.mean}
+                row = {"series": series[score.episodes], "place": score.belief, "mean": score.mean}
                 rows.append({**row, "low": None if low is None else max(low, 0.0), "high": high})
         if rows:
             tooltip = (("place", "driven by"), ("series", "episodes"), ("mean", title))
             charts.append(curves(title, f"{title}, by belief", "driven by", rows, lines, tooltip))
-    return Charts(tuple(charts), lines, "Means of the episodes with 95 % intervals.")
+    note = "Means with 95 % intervals over seeds. Where all episodes have 0, the bar is what so few leave possible."
+    return Charts(tuple(charts), lines, note)

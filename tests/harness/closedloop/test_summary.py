@@ -87,7 +87,9 @@ def test_six_episodes_without_a_collision_are_no_certainty():
 @pytest.mark.slow
 def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
     found = [score for score in usual_scores() if score.metric in (TTC, HARD_BRAKES)]
-    draw_charts(drive_charts(found), "drives", tmp_path / "drives.svg")
+    charts = drive_charts(found)
+    assert [name for name, _ in charts.lines] == ["all episodes, 12", "free episodes, 6", "provoked episodes, 6"]
+    draw_charts(charts, "drives", tmp_path / "drives.svg")
     drawn = re.findall(
         r"Y-axis for a linear scale with values from [0.]+ to ([\d.]+)", (tmp_path / "drives.svg").read_text()
     )
