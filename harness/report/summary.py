@@ -137,13 +137,7 @@ def _mot_table(metrics: Mapping[str, Any]) -> Table:
 
 
 def _lines(metrics: Mapping[str, Any], is_log: bool) -> Text:
-    occlusion, traffic, timing = metrics["occlusion"], metrics["traffic"], metrics["timing"]
-    elsewhere = (occlusion["survived"] or 0) - (occlusion["same_id"] or 0)
-    events = (
-        f"After {number(occlusion['events'], 0)} occlusions: {number(occlusion['same_id'], 0)} vehicles had the same "
-        f"track, {number(occlusion['lost'], 0)} none, {number(occlusion['hijacked'], 0)} a track on another vehicle, "
-        f"{elsewhere:.0f} a track elsewhere"
-    )
+    traffic, timing = metrics["traffic"], metrics["timing"]
     road = (
         f"{number(traffic['density_veh_per_km_lane'], 1)} vehicles per km and lane, "
         f"{number(traffic['flow_veh_per_h'], 0)} per hour, at {number(traffic['mean_speed_mps'], 1)} m/s; "
@@ -156,8 +150,20 @@ def _lines(metrics: Mapping[str, Any], is_log: bool) -> Text:
         f"{number(timing['tracker_ms']['p50'], 1)} ms a step (median)"
     )
     plain, driver = _plain_view(metrics.get("in_plain_view") or {}), decision_sentence(metrics)
+    events = _occlusions(metrics["occlusion"])
     lines = (plain, events, driver, "What scores mean: docs/explanation/scores.md", road, "" if is_log else speed)
     return Text("\n".join(line for line in lines if line))
+
+
+def _occlusions(counts: Mapping[str, Any]) -> str:
+    if not counts["events"]:
+        return "No vehicle came back into view after an occlusion"
+    elsewhere = (counts["survived"] or 0) - (counts["same_id"] or 0)
+    return (
+        f"After {number(counts['events'], 0)} occlusion{'s' if counts['events'] > 1 else ''}: "
+        f"{number(counts['same_id'], 0)} vehicles had the same track, {number(counts['lost'], 0)} none, "
+        f"{number(counts['hijacked'], 0)} a track on another vehicle, {elsewhere:.0f} a track elsewhere"
+    )
 
 
 def _plain_view(scores: Mapping[str, Any]) -> str:

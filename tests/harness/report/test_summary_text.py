@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from harness.report.key_figures import coasting_errors_m, key_figures, key_table
+from harness.report.summary import print_summary
 from harness.report.summary_text import setting_sentence, summary_sentences
 from harness.scoring.metrics.registry import completed
 from mmpf.map.corridor_road import highway
@@ -84,3 +85,13 @@ def test_brakings_stand_at_the_top_with_exact_intervals_and_only_where_a_driver_
     assert "too few samples, n = 3" in missed.detail
     driven |= {"km": 0.02}
     assert "per km" not in str(key_table(key_figures(run))), "a drive of 20 m says nothing of a kilometre"
+
+
+@pytest.mark.parametrize(
+    ("events", "words"),
+    [(0, "No vehicle came back into view after an occlusion"), (1, "After 1 occlusion: 0 vehicles had the same track")],
+)
+def test_occlusions_are_told_in_a_sentence_also_without_any(run, tmp_path, events, words, capsys):
+    counts = dict.fromkeys(("survived", "same_id", "lost", "hijacked"), 0) | {"events": events}
+    print_summary(run.metrics | {"occlusion": counts}, tmp_path)
+    assert words in capsys.readouterr().err
