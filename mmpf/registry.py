@@ -159,18 +159,27 @@ class Registry(Generic[T]):
 
     def _loaded(self, point: EntryPoint) -> T:
         named = f"the {self.kind} {point.value!r}" + (f" of {_package(point)}" if point.dist else "")
-        try:
-            entry = point.load()
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            hint = "; is it on PYTHONPATH or installed?" if isinstance(error, ModuleNotFoundError) else ""
-            if isinstance(error, AttributeError) and error.name is not None:
-                hint = _did_you_mean(error.name, dir(error.obj))
-            raise UnknownNameError(f"can't import {named} ({type(error).__name__}: {error}){hint}") from None
+        entry = imported(point.load, named)
         if not callable(entry):
             raise UnknownNameError(f"{named} is no class or function, but of type {type(entry).__name__}")
         return cast("T", entry)
+
+
+def imported(load: Callable[[], T], named: str) -> T:
+    """Return what a function loads of somebody's code.
+
+    Raises:
+        UnknownNameError: It can't be imported; the message says what is ``named``, and why.
+    """
+    try:
+        return load()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        hint = "; is it on PYTHONPATH or installed?" if isinstance(error, ModuleNotFoundError) else ""
+        if isinstance(error, AttributeError) and error.name is not None:
+            hint = _did_you_mean(error.name, dir(error.obj))
+        raise UnknownNameError(f"can't import {named} ({type(error).__name__}: {error}){hint}") from None
 
 
 @cache

@@ -18,7 +18,6 @@ from harness.analysis.comparison_text import as_markdown, print_comparison
 from harness.analysis.gate import as_junit, as_summary
 from harness.analysis.rules import read_gate
 from harness.analysis.sources import STANDARD, Source, open_source
-from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError, RunError
 from harness.common.exit_codes import DONE, UNDECIDED, WORSE
 from harness.common.files import replacing, write_text, writing
@@ -30,6 +29,7 @@ from harness.grid.pool import run_cells
 from harness.grid.stress import FinishedGrid, run_stress
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, RUNS
+from mmpf.registry import UnknownNameError, imported
 
 MARK = "<!-- written by harness compare -->"
 WRITTEN = ("markdown", "html", "junit", "summary")
@@ -70,12 +70,9 @@ def _metric(name: str) -> str:
     module, _, key = name.rpartition(":")
     if module:
         try:
-            import_module(module)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            told = f"can't import {module}: {what_it_raised(error)}"
-            raise InputError(f"`primary`: {told}; is it in the working folder or on PYTHONPATH?") from None
+            imported(partial(import_module, module), module)
+        except UnknownNameError as error:
+            raise InputError(f"`primary`: {error}") from None
     return key
 
 
@@ -148,9 +145,9 @@ def _sides(options: Mapping[str, Any]) -> tuple[Source, Source] | None:
             return None
         return before, open_source(str(ran.folder), "out")
     if suite is None and len(given) == 1 and baseline is not None:
-        return open_source(baseline, "baseline"), open_source(given[0], "folders")
+        return open_source(baseline, "baseline"), open_source(given[0], "b")
     if suite is None and len(given) == 2 and baseline is None:
-        return open_source(given[0], "folders"), open_source(given[1], "folders")
+        return open_source(given[0], "a"), open_source(given[1], "b")
     raise InputError("compare: give two folders, one folder with `baseline`, or `suite`; for example compare A B")
 
 
