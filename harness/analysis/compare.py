@@ -145,7 +145,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         evidence = [single.evidence_of(side.folder, own) for side, own in zip((a, b), seen, strict=True)]
         singly, why = single.compare_runs(a, b, evidence, rules)
         verdicts = _with_values(judge(singly, rules))
-        notes = (*told, *single.notes_of(a, b))
+        notes = (*told, *single.notes_of(a, b), *_guesses(verdicts))
         return Judgement(a.name, b.name, verdicts, notes, rules, "vehicles", (), why, differs)
     arms: list[Arms] = []
     wanting = _missing_runs(a, b)
@@ -291,9 +291,9 @@ def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
 def _guesses(verdicts: tuple[Verdict, ...]) -> list[str]:
     """Return where the hidden cost, which is judged, falls while false hidden tracks, which are not, increase."""
     fallen = {each.label for each in verdicts if each.metric == COST and each.primary and each.ci95[1] < 0.0}
-    more = [
-        each for each in verdicts if each.metric == FALSE_HIDDEN and not each.primary and each.ci95[0] > each.margin
-    ]
+    unjudged = [each for each in verdicts if each.metric == FALSE_HIDDEN and not each.primary]
+    # In a single run nothing is known of its scatter.
+    more = [each for each in unjudged if (each.difference if np.isnan(each.ci95[0]) else each.ci95[0]) > each.margin]
     told = "b's hidden cost is smaller, and it has more false hidden tracks: guesses lower this cost."
     return [f"{each.label}: {told}" for each in more if each.label in fallen]
 

@@ -10,9 +10,9 @@ import pytest
 
 from harness.analysis.compare import compare
 from harness.analysis.rules import Rules, compared_quantities
-from harness.analysis.single import compare_runs, evidence_of, read_seen
+from harness.analysis.single import BY_VEHICLE, compare_runs, evidence_of, read_seen
 from harness.analysis.sources import Source
-from harness.analysis.vehicles import closeness, hota_by_vehicle
+from harness.analysis.vehicles import closeness, hota_by_vehicle, ratio_by_vehicle
 from harness.analysis.why import failures
 from harness.common.errors import InputError
 from harness.scoring.metrics.registry import score_metrics
@@ -79,6 +79,16 @@ def test_a_run_is_no_worse_than_itself_though_false_tracks_scatter(sides, both):
     assert len(hota_by_vehicle(both[Path("A")], CARS).others)
     compared = compare(sides[0], sides[0], Rules())
     assert (compared.outcome, {verdict.verdict for verdict in compared.primary}) == ("no worse", {"no worse"})
+
+
+@pytest.mark.parametrize("more", [0.0, 0.5])
+def test_a_hidden_cost_that_falls_while_false_hidden_tracks_increase_is_noted(more, sides, monkeypatch):
+    costs = (ratio_by_vehicle(mean + 0.1 * np.arange(CARS), np.arange(CARS), CARS) for mean in (9.0, 2.0))
+    monkeypatch.setitem(BY_VEHICLE, "hidden.hidden_cost_m", lambda *_: next(costs))
+    sides[1].rows["hidden.false_hidden_tracks_per_scan"] += more
+    compared = compare(*sides, Rules(primary=("hidden.hidden_cost_m",)))
+    assert [verdict.verdict for verdict in compared.primary] == ["better"]
+    assert ("guesses lower this cost" in " ".join(compared.notes)) == (more > 0.0)
 
 
 def test_what_only_the_first_run_has_is_wanting(sides, both):
