@@ -134,6 +134,9 @@ def test_traffic_that_can_not_be_opened_fails_every_drive_of_its_cell_in_a_row()
     ("options", "said"),
     [
         ({"perception": "truth,nosuch"}, "nosuch"),
+        ({"perception": "truth,"}, "`perception`"),
+        ({"perception": "truth,mmpf+nonsense"}, "`perception`"),
+        ({"provoke": "fog"}, "`provoke` fog"),
         ({"driver": "nosuch"}, "`driver` nosuch"),
         ({"net": "nowhere"}, "nowhere"),
         ({"density": 500.0}, "`density`"),

@@ -1,9 +1,6 @@
 """Which episodes there are, by which beliefs."""
 
-import pytest
-
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, DriveRequest, plan_drives, with_truth
-from harness.common.errors import InputError
 
 
 def request(**changes):
@@ -79,17 +76,3 @@ def test_flow_and_share_of_detections_leave_no_trace_where_they_are_not_asked_fo
 def test_the_truth_is_added_where_it_is_missing():
     assert with_truth(request(beliefs="mmpf")).beliefs == "truth,mmpf"
     assert with_truth(request(beliefs="mmpf,truth")).beliefs == "mmpf,truth"
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"beliefs": "truth,"}, "`perception`"),
-        ({"provoke": "fog"}, "`provoke` fog"),
-        ({"density": 500.0}, "`density`"),
-        ({"beliefs": "truth,mmpf+nonsense"}, "`perception`"),
-    ],
-)
-def test_wrong_lists_are_told_by_their_option(changes, said):
-    with pytest.raises(InputError, match=said):
-        plan_drives(request(**changes))

@@ -38,25 +38,27 @@ def test_a_chain_has_its_share_and_its_mean_run(share, run_s):
     assert runs.mean() * STEP_S == pytest.approx(max(run_s, STEP_S / (1 - share)), rel=0.05)
 
 
+def errors(frame, scans, **settings):
+    """Return by how much each car's detections are off along the road, shape (scans, cars)."""
+    seen = [dict(zip(s.truth_id, s.scan.detections.lon_m, strict=True)) for s in film([frame] * scans, **settings)]
+    return np.array([[row[name] for name in RING_NAMES] for row in seen]) - frame.lon_m[1:]
+
+
+def missed(frame, scans, **settings):
+    """Return in which scans each car is missed, shape (scans, cars)."""
+    return np.array([[name not in s.truth_id for name in RING_NAMES] for s in film([frame] * scans, **settings)])
+
+
 def test_bursts_take_their_share_of_time_and_last_as_long_as_asked_for():
-    seen = film([frame_of(*RING)] * 150, **CALM, burst_share=0.15, burst_s=0.8)
-    missed = np.array([[name not in s.truth_id for name in RING_NAMES] for s in seen])
-    assert missed.mean() == pytest.approx(0.15, abs=0.04)
-    lengths = np.concatenate([run_lengths(column) for column in missed.T])
+    found = missed(frame_of(*RING), 150, **CALM, burst_share=0.15, burst_s=0.8)
+    assert found.mean() == pytest.approx(0.15, abs=0.04)
+    lengths = np.concatenate([run_lengths(column) for column in found.T])
     assert lengths.mean() * STEP_S == pytest.approx(0.8, rel=0.25)
 
 
 def test_runs_of_misses_leave_the_share_of_misses_as_it_is():
-    frame = frame_of(*RING)
-    single, runs = (
-        np.array(
-            [
-                [name not in s.truth_id for name in RING_NAMES]
-                for s in film([frame] * 120, clutter_per_scan=0.0, detection_probability=0.8, missed_in_runs=share)
-            ]
-        )
-        for share in (0.0, 0.9)
-    )
+    often = {"clutter_per_scan": 0.0, "detection_probability": 0.8}
+    single, runs = (missed(frame_of(*RING), 120, **often, missed_in_runs=share) for share in (0.0, 0.9))
     assert single.mean() == pytest.approx(0.2, abs=0.02)
     assert runs.mean() == pytest.approx(0.2, abs=0.03)
     assert np.concatenate([run_lengths(column) for column in runs.T]).mean() > 2 * 1.25
@@ -65,17 +67,14 @@ def test_runs_of_misses_leave_the_share_of_misses_as_it_is():
 def test_a_partly_hidden_or_distant_vehicle_is_missed_oftener():
     frame = frame_of((20, 0), (40, 1.4), (-30, 3.66), (-97, -3.66))
     seen = film([frame] * 250, "lidar", clutter_per_scan=0.0, persistent_clutter=0.0)
-    missed = [np.mean([f"car{k}" not in s.truth_id for s in seen]) for k in range(1, 5)]
-    assert missed[1] > missed[2]
-    assert missed[3] > missed[2]
+    share = [np.mean([f"car{k}" not in s.truth_id for s in seen]) for k in range(1, 5)]
+    assert share[1] > share[2]
+    assert share[3] > share[2]
 
 
 def test_errors_drift_as_fast_and_as_much_as_asked_for():
-    frame = frame_of(*RING)
     settings = {"std_range_m": 0.0, "std_bearing_deg": 0.0}
-    seen = film([frame] * 150, **CALM, bias_share=0.6, bias_time_s=0.5, **settings)
-    places = [dict(zip(s.truth_id, s.scan.detections.lon_m, strict=True)) for s in seen]
-    error = np.array([[row[name] for name in RING_NAMES] for row in places]) - frame.lon_m[1:]
+    error = errors(frame_of(*RING), 150, **CALM, bias_share=0.6, bias_time_s=0.5, **settings)
     assert error.std() == pytest.approx(0.3, rel=0.08)
     for lag in (1, 3, 6):
         correlation = np.corrcoef(error[lag:].ravel(), error[:-lag].ravel())[0, 1]
@@ -83,23 +82,20 @@ def test_errors_drift_as_fast_and_as_much_as_asked_for():
 
 
 def test_without_drift_errors_are_independent_from_scan_to_scan():
-    frame = frame_of(*RING)
-    places = [dict(zip(s.truth_id, s.scan.detections.lon_m, strict=True)) for s in film([frame] * 30, **CALM)]
-    error = np.array([[row[name] for name in RING_NAMES] for row in places]) - frame.lon_m[1:]
+    error = errors(frame_of(*RING), 30, **CALM)
     correlation = np.corrcoef(error[1:].ravel(), error[:-1].ravel())[0, 1]
     assert correlation == pytest.approx(0.0, abs=4 / np.sqrt(30 * 36))
 
 
+def lasting(number, life_s, moving):
+    """Return settings by which nothing is detected but so many false objects, each in every scan."""
+    figures = {"": number, "_s": life_s, "_probability": 1.0, "_moving": moving}
+    nothing = {"detection_probability": 0.0, "clutter_per_scan": 0.0}
+    return nothing | {f"persistent_clutter{name}": value for name, value in figures.items()}
+
+
 def test_false_objects_stay_for_their_mean_life_and_have_their_number():
-    overrides = {
-        "detection_probability": 0.0,
-        "clutter_per_scan": 0.0,
-        "persistent_clutter": 6.0,
-        "persistent_clutter_s": 0.5,
-        "persistent_clutter_probability": 1.0,
-        "persistent_clutter_moving": 0.0,
-    }
-    seen = film([frame_of((30, 0))] * 400, **overrides)
+    seen = film([frame_of((30, 0))] * 400, **lasting(6.0, 0.5, 0.0))
     numbers = np.array([len(s.truth_id) for s in seen], dtype=float)
     assert numbers.mean() == pytest.approx(6.0, rel=0.15)
     # The number present in an M/G/infinity queue is correlated as lives go on: exp(-lag / life).
@@ -110,16 +106,8 @@ def test_false_objects_stay_for_their_mean_life_and_have_their_number():
 
 
 def test_what_moves_among_false_objects_moves_with_the_traffic():
-    overrides = {
-        "detection_probability": 0.0,
-        "clutter_per_scan": 0.0,
-        "persistent_clutter": 1.0,
-        "persistent_clutter_s": 1e6,
-        "persistent_clutter_probability": 1.0,
-        "persistent_clutter_moving": 1.0,
-    }
     for seed in range(20):
-        seen = film([frame_of((30, 0, 12.0))] * 15, seed=seed, **overrides)
+        seen = film([frame_of((30, 0, 12.0))] * 15, seed=seed, **lasting(1.0, 1e6, 1.0))
         if all(len(s.truth_id) == 1 for s in seen):
             places = np.array([s.scan.detections.lon_m[0] for s in seen])
             if np.ptp(places) < 50.0:

@@ -21,10 +21,12 @@ ROAD = LaneGraphRoad(section_m=(-150.0, 150.0), graph=CROSS)
 QUIET = {"clutter_per_scan": 0.0, "reported_spread": 0.0, "detection_probability": 1.0}
 
 
-def frame_of(x, y, heading_rad, speed_mps=10.0, step=0):
-    """Return an ego at the origin that points east and one vehicle."""
-    columns = {"heading_rad": [0.0, heading_rad], "length_m": [4.7, 4.7], "width_m": [1.9, 1.9], "lane": [0, 0]}
-    return frame_of_cars([0.0, x], [0.0, y], [10.0, speed_mps], step, ["ego", "car"], **columns)
+def frame_of(*vehicles, step=0):
+    """Return an ego at the origin that points east and vehicles, each given by its x, y and heading."""
+    x, y, heading_rad = np.array([(0.0, 0.0, 0.0), *vehicles]).T
+    every, names = np.ones(len(x)), ["ego", "car", "second"][: len(x)]
+    columns = {"length_m": 4.7 * every, "width_m": 1.9 * every, "lane": np.zeros(len(x), dtype=int)}
+    return frame_of_cars(x, y, 10.0 * every, step, names, heading_rad=heading_rad, **columns)
 
 
 def looked(settings, frames, seed=0):
@@ -49,7 +51,7 @@ def covariance(settings, distance_m, bearing, heading):
 def test_errors_of_a_turned_vehicle_spread_as_stated(heading_deg):
     settings = SensorSettings(**{**QUIET, "std_bearing_deg": 0.6, "std_lon_m": 0.6})
     heading = math.radians(heading_deg)
-    frame = frame_of(30.0, 20.0, heading)
+    frame = frame_of((30.0, 20.0, heading))
     found = looked(settings, [replace(frame, step=k, time_s=0.1 * k) for k in range(500)])
     errors = np.array([[seen.lon_m[0] - 30.0, seen.lat_m[0] - 20.0] for seen in found if len(seen)])
     expected = covariance(settings, math.hypot(30.0, 20.0), math.atan2(20.0, 30.0), heading)
@@ -68,7 +70,7 @@ def test_a_turned_world_is_measured_as_the_same_world():
     spread = []
     for angle in (0.0, 2.0):
         place = 40.0 * np.array([math.cos(angle), math.sin(angle)])
-        found = looked(settings, [frame_of(*place, angle, step=k) for k in range(150)], seed=4)
+        found = looked(settings, [frame_of((*place, angle), step=k) for k in range(150)], seed=4)
         errors = np.array([[seen.lon_m[0], seen.lat_m[0]] for seen in found if len(seen)]) - place
         ahead = np.array([math.cos(angle), math.sin(angle)])
         spread.append(np.stack([errors @ ahead, errors @ [-ahead[1], ahead[0]]]))
@@ -78,7 +80,7 @@ def test_a_turned_world_is_measured_as_the_same_world():
 def test_range_rate_gives_the_speed_along_the_heading_of_oncoming_vehicles_too():
     settings = SensorSettings(**{**QUIET, "std_range_rate_mps": 0.2})
     for heading in (0.0, math.pi):
-        found = looked(settings, [frame_of(50.0, 0.0, heading, step=k) for k in range(100)])
+        found = looked(settings, [frame_of((50.0, 0.0, heading), step=k) for k in range(100)])
         speeds = [seen.speed_mps[0] for seen in found if len(seen)]
         assert np.mean(speeds) == pytest.approx(10.0, abs=0.1)
 
@@ -88,21 +90,11 @@ def test_a_hidden_half_pulls_the_box_towards_the_near_end_whatever_its_heading()
     settings = SensorSettings(**{**QUIET, "centre_shift_share": 1.0})
     for angle in (0.0, 1.0, 3.0):
         ahead = np.array([math.cos(angle), math.sin(angle)])
-        hidden = frame_of(*(30.0 * ahead), angle)
-        hider = frame_of(*(12.0 * ahead + 1.0 * np.array([-ahead[1], ahead[0]])), angle)
-        both = {
-            name: np.append(values, getattr(hider, name)[1:])
-            for name, values in vars(hidden).items()
-            if isinstance(values, np.ndarray) and name != "vehicle_id"
-        }
-        frames = [
-            replace(hidden, **both, vehicle_id=np.array(["ego", "car", "hider"]), step=k, time_s=0.1 * k)
-            for k in range(150)
-        ]
+        hidden, hider = (*(30.0 * ahead), angle), (*(12.0 * ahead + np.array([-ahead[1], ahead[0]])), angle)
         sensor, rng = build_sensor(settings), np.random.default_rng(1)
         away = []
-        for frame in frames:
-            seen = sensor.observe(frame, ROAD, rng)
+        for k in range(150):
+            seen = sensor.observe(frame_of(hidden, hider, step=k), ROAD, rng)
             row = np.flatnonzero(seen.truth_id == "car")
             detections = seen.scan.detections
             away += [np.array([detections.lon_m[k], detections.lat_m[k]]) @ ahead - 30.0 for k in row]
@@ -111,7 +103,7 @@ def test_a_hidden_half_pulls_the_box_towards_the_near_end_whatever_its_heading()
 
 def test_clutter_is_even_over_the_lanes_and_counts_a_crossing_once():
     settings = SensorSettings(**{"clutter_per_scan": 40.0, "detection_probability": 0.0})
-    found = looked(settings, [frame_of(60.0, 3.0, 0.0, step=k) for k in range(200)])
+    found = looked(settings, [frame_of((60.0, 3.0, 0.0), step=k) for k in range(200)])
     x, y = (np.concatenate([getattr(seen, name) for seen in found]) for name in ("lon_m", "lat_m"))
     assert len(x) == pytest.approx(8000, rel=0.05)
     east, north = np.abs(y) <= 2.0, np.abs(x) <= 2.0
@@ -130,7 +122,7 @@ def test_lasting_false_objects_that_move_go_along_the_lanes():
     moved = []
     before = None
     for k in range(60):
-        sensor.observe(frame_of(60.0, 3.0, 0.0, step=k), ROAD, rng)
+        sensor.observe(frame_of((60.0, 3.0, 0.0), step=k), ROAD, rng)
         ghosts = sensor.memory.ghosts
         assert (lanes_over(CROSS, ghosts.lon_m, ghosts.lat_m) > 0).all()
         if before is not None and len(before) == len(ghosts):
@@ -157,7 +149,7 @@ def test_detected_vehicles_cast_shadows_along_the_lanes_that_they_are_on(monkeyp
     monkeypatch.setattr("harness.sensor.detector.free_space", free_space)
     settings = SensorSettings(**{**QUIET, "std_lon_m": 1e-3, "std_lat_m": 1e-3, "std_bearing_deg": 0.0})
     sensor = build_sensor(settings)
-    seen = sensor.observe(frame_of(0.0, 30.0, 0.5 * math.pi), ROAD, np.random.default_rng(0))
+    seen = sensor.observe(frame_of((0.0, 30.0, 0.5 * math.pi)), ROAD, np.random.default_rng(0))
     north = int((0.5 * math.pi + math.pi) / (2.0 * math.pi / 720))
     # Half a length of about 4.7 m, and not half a width, lies behind its middle.
     assert seen.scan.free_space.range_m[north] == pytest.approx(32.35, abs=1.0)
@@ -167,16 +159,11 @@ def test_detected_vehicles_cast_shadows_along_the_lanes_that_they_are_on(monkeyp
 
 def test_a_person_on_foot_hides_who_is_behind_and_is_itself_no_detection():
     """A body half a metre wide, ten metres away, covers 1.0 m of what is twenty metres away."""
-    frame = frame_of(20.0, 0.0, 0.5 * math.pi)
-    person = {"vehicle_id": "person:a", "lon_m": 10.0, "length_m": 0.2, "width_m": 0.5}
-    columns = {
-        name: np.append(values, np.zeros(1, dtype=values.dtype) if name not in person else person[name])
-        for name, values in vars(frame).items()
-        if isinstance(values, np.ndarray)
-    }
-    walked = replace(frame, **columns, pedestrian=np.array([False, False, True]))
+    car = (20.0, 0.0, 0.5 * math.pi)
+    size = {"length_m": np.array([4.7, 4.7, 0.2]), "width_m": np.array([1.9, 1.9, 0.5])}
+    walked = replace(frame_of(car, (10.0, 0.0, 0.0)), **size, pedestrian=np.array([False, False, True]))
     sensor, rng = build_sensor(SensorSettings(**QUIET)), np.random.default_rng(0)
-    alone = sensor.observe(frame, ROAD, rng)
+    alone = sensor.observe(frame_of(car), ROAD, rng)
     seen = sensor.observe(walked, ROAD, rng)
     assert alone.visible_fraction[1] == 1.0
     # The sensor is on the roof, so that the person's shadow lies on the side of the car that faces it.
