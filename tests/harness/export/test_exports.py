@@ -21,7 +21,6 @@ from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
 from harness.report.video import write_video
 from harness.running.finished import read_recorded_run
-from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
 from harness.storage.lock import LOCK
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
@@ -168,8 +167,10 @@ def test_the_harness_reads_its_own_floating_car_data(packed, tmp_path):
 @pytest.mark.parametrize(("sequence", "key"), [("in-sight", "mot"), ("seen-in-10-s", "mot_all")])
 def test_trackeval_scores_the_exported_run_as_the_harness_does(folder, sequence, key):
     trackeval = pytest.importorskip("trackeval", reason="TrackEval is the reader of this format")
+    from harness.export.trackeval_script import ByPosition  # noqa: PLC0415
+
     export_run(folder, "mot")
-    dataset = by_position(trackeval)(
+    dataset = ByPosition(
         {
             "GT_FOLDER": str(folder / "export" / "mot" / "gt"), "TRACKERS_FOLDER": str(folder / "export/mot/trackers"),
             "SKIP_SPLIT_FOL": True, "SEQMAP_FILE": str(folder / "export/mot/seqmap.txt"), "DO_PREPROC": False,
@@ -192,18 +193,6 @@ def test_trackeval_scores_the_exported_run_as_the_harness_does(folder, sequence,
     assert clear["IDSW"] == scores["id_switches"]
     assert clear["CLR_FN"] == scores["missed"]
     assert clear["CLR_FP"] == scores["false_tracks"]
-
-
-def by_position(trackeval):
-    """Return TrackEval's reader of the format with the harness's similarity in place of the overlap of boxes."""
-
-    class ByPosition(trackeval.datasets.MotChallenge2DBox):
-        def _calculate_similarities(self, gt_dets_t, tracker_dets_t):
-            centres = [(boxes[:, :2] + 0.5 * boxes[:, 2:4]) / 100.0 for boxes in (gt_dets_t, tracker_dets_t)]
-            off = np.abs(centres[0][:, None] - centres[1][None])
-            return np.clip(1.0 - (off / (2.0 * np.array([GATE_LON_M, GATE_LAT_M]))).max(axis=-1), 0.0, 1.0)
-
-    return ByPosition
 
 
 @pytest.mark.slow

@@ -1,8 +1,6 @@
-import errno
 import json
 import re
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pandas as pd
 
@@ -85,24 +83,6 @@ def test_the_command_names_the_page_and_its_size(tmp_path, capsys):
     (folder / "manifest.json").write_text(json.dumps(noted))
     assert run_command_line(["report", str(folder)]) == 0
     assert "tracks.parquet was changed after it was written" in capsys.readouterr().err
-
-
-def test_a_page_that_finds_no_room_leaves_the_earlier_one(tmp_path, capsys, monkeypatch):
-    folder = write_recorded_scene(tmp_path / "run")
-    assert run_command_line(["report", str(folder)]) == 0
-    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-    def full(path: Path, text: str, **options: object) -> None:
-        path.write_bytes(b"")
-        raise OSError(errno.ENOSPC, "No space left on device", str(path))
-
-    monkeypatch.setattr(Path, "write_text", full)
-    capsys.readouterr()
-    assert run_command_line(["report", str(folder)]) == 3
-    err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert "No space left on device" in err
-    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 def test_somebody_elses_page_is_left_alone(tmp_path, refused):

@@ -11,7 +11,6 @@ import pytest
 from harness.common.errors import InputError
 from harness.storage import run_folder as runfolder
 from harness.storage.ownership import LEDGER
-from harness.storage.road_file import read_road
 from harness.storage.tables import write_table
 
 
@@ -133,19 +132,6 @@ def test_an_incomplete_folder_with_a_users_files_is_not_replaced(tmp_path):
     (left / "notes.txt").write_text("mine")
     assert runfolder.open_folder(tmp_path / "run", "x", force=False).leave_incomplete().name == "run.incomplete-2"
     assert (left / "notes.txt").exists()
-
-
-@pytest.mark.parametrize("name", [runfolder.MANIFEST, runfolder.CONFIG, runfolder.ROAD, "t.parquet"])
-def test_a_pipe_in_a_files_place_keeps_nobody_waiting(tmp_path, name):
-    os.mkfifo(tmp_path / name)
-    with pytest.raises(InputError, match="`replay`"):
-        runfolder.read_manifest(tmp_path, "replay")
-    with pytest.raises(InputError, match="`replay`"):
-        runfolder.read_config_table(tmp_path, "replay")
-    with pytest.raises(InputError, match="`replay`"):
-        read_road(tmp_path / runfolder.ROAD, "replay")
-    with pytest.raises(InputError, match="`replay`"):
-        runfolder.read_table(tmp_path, "t.parquet", "replay", ())
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):

@@ -200,7 +200,8 @@ def test_a_crossing_is_driven_and_replayed_with_the_same_bytes(tmp_path):
     path.unlink()
     again = run(resolve_run_config(options={"replay": str(first.folder), "tracker": ECHO}), out=tmp_path / "b")
     assert (first.folder / runfolder.TRUTH).read_bytes() == (again.folder / runfolder.TRUTH).read_bytes()
-    assert first.metrics["mae"] == again.metrics["mae"]
+    for scores in ("mae", "mot", "mot_all", "gospa"):
+        assert first.metrics[scores] == again.metrics[scores]
 
 
 def test_mmpf_follows_all_vehicles_across_the_crossing(tmp_path):

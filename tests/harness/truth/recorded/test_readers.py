@@ -35,6 +35,12 @@ WRITERS = {
 }
 
 
+def assert_same_frames(first, second):
+    for one, other in zip(opened(first).frames(), opened(second).frames(), strict=True):
+        np.testing.assert_array_equal(one.vehicle_id, other.vehicle_id)
+        np.testing.assert_array_equal(one.lon_m, other.lon_m)
+
+
 def by_name(frame) -> dict[str, int]:
     return {str(name): row for row, name in enumerate(frame.vehicle_id)}
 
@@ -48,6 +54,8 @@ def test_a_layout_is_recognised_by_its_content_whatever_its_name(name, tmp_path)
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_every_car_is_where_the_scene_has_it(name, tmp_path):
+    """The accelerations that the files state are absurd ones beside constant speeds, and not believed."""
+    lanes, lane_width_m = (3, 3.75) if name == "highd" else (5, 3.66)
     truth = opened(WRITERS[name](tmp_path))
     frames = list(truth.frames())
     assert len(frames) == truth.expected_steps == 51
@@ -68,26 +76,9 @@ def test_every_car_is_where_the_scene_has_it(name, tmp_path):
             assert frame.heading_rad[row] == pytest.approx(0.0, abs=1e-3)
             assert frame.length_m[row] == pytest.approx(car.length_m, abs=1e-5)
             assert frame.width_m[row] == pytest.approx(car.width_m, abs=1e-5)
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_recorded_accelerations_are_not_believed(name, tmp_path):
-    """The files state absurd ones beside constant speeds."""
-    for frame in opened(WRITERS[name](tmp_path)).frames():
-        np.testing.assert_allclose(frame.accel_mps2, 0.0, atol=1e-3)
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_the_lane_is_that_of_the_road(name, tmp_path):
-    truth = opened(WRITERS[name](tmp_path))
-    frame = next(iter(truth.frames()))
-    rows = by_name(frame)
-    widths = {"highd": 3.75}
-    lanes = 3 if name == "highd" else 5
-    for car in CARS[:3]:
-        if name == "highd" and car.lat_m > 3 * 3.75:
-            continue
-        assert frame.lane[rows[str(car.name)]] == lanes - int(car.lat_m // widths.get(name, 3.66))
+            assert frame.accel_mps2[row] == pytest.approx(0.0, abs=1e-3)
+            if car.lat_m < lanes * lane_width_m:
+                assert frame.lane[row] == lanes - int(car.lat_m // lane_width_m)
 
 
 @pytest.mark.parametrize("name", [name for name in WRITERS if name != "highd"])
@@ -95,9 +86,7 @@ def test_a_packed_file_is_read_like_the_plain_one(name, tmp_path):
     written = WRITERS[name](tmp_path)
     packed = tmp_path / "packed.gz"
     packed.write_bytes(gzip.compress(written.read_bytes()))
-    for one, other in zip(opened(written).frames(), opened(packed).frames(), strict=True):
-        np.testing.assert_array_equal(one.vehicle_id, other.vehicle_id)
-        np.testing.assert_array_equal(one.lon_m, other.lon_m)
+    assert_same_frames(written, packed)
 
 
 @pytest.mark.slow
@@ -115,11 +104,7 @@ def test_a_packed_file_that_is_cut_or_holds_too_much_is_refused_in_one_line(tmp_
 
 
 def test_both_versions_of_commonroad_say_the_same(tmp_path):
-    old = list(opened(write_commonroad(tmp_path / "old.xml", version="2018b")).frames())
-    new = list(opened(write_commonroad(tmp_path / "new.xml", version="2020a")).frames())
-    for one, other in zip(old, new, strict=True):
-        np.testing.assert_array_equal(one.vehicle_id, other.vehicle_id)
-        np.testing.assert_array_equal(one.lon_m, other.lon_m)
+    assert_same_frames(*(write_commonroad(tmp_path / f"{v}.xml", version=v) for v in ("2018b", "2020a")))
 
 
 def test_commonroad_pedestrians_are_left_out_and_counted_and_parked_cars_stand_still(tmp_path):

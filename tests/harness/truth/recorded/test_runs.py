@@ -24,31 +24,16 @@ def configured(path, **options):
     return resolve_run_config(options={"replay": str(path), "tracker": ECHO, **options})
 
 
-def test_the_configuration_of_a_run_says_all_that_is_needed_to_run_it_again(recording, tmp_path):
-    config = configured(recording, ego="each", duration=3.5)
+@pytest.mark.parametrize(
+    ("write", "net"), [(write_ngsim_csv, "us101"), (write_commonroad, "recording"), (write_highd, "recording")]
+)
+def test_the_configuration_of_a_run_says_all_that_is_needed_to_run_it_again(write, net, tmp_path):
+    config = configured(write(tmp_path / "scene"), ego="each", duration=3.5)
     first = run(config, out=tmp_path / "first").folder
     again = run(resolve_run_config(first / runfolder.CONFIG, options={"tracker": ECHO}), out=tmp_path / "again").folder
-    assert config.traffic.net == "us101"
+    assert config.traffic.net == net
     for table in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS):
         assert (first / table).read_bytes() == (again / table).read_bytes()
-
-
-@pytest.mark.parametrize("write", [write_commonroad, write_highd])
-def test_a_recording_with_its_own_road_runs_again_from_its_configuration(write, tmp_path):
-    first = run(configured(write(tmp_path / "scene"), duration=1.0), out=tmp_path / "first").folder
-    config = resolve_run_config(first / runfolder.CONFIG, options={"tracker": ECHO})
-    assert config.traffic.net == "recording"
-    again = run(config, out=tmp_path / "again").folder
-    assert (first / runfolder.TRUTH).read_bytes() == (again / runfolder.TRUTH).read_bytes()
-
-
-def test_a_run_on_recorded_traffic_can_itself_be_replayed_with_the_same_scores(recording, tmp_path):
-    first = run(configured(recording, ego="each", duration=3.0), out=tmp_path / "first")
-    recording.unlink()
-    again = run(configured(first.folder), out=tmp_path / "again")
-    assert (first.folder / runfolder.TRUTH).read_bytes() == (again.folder / runfolder.TRUTH).read_bytes()
-    for scores in ("mae", "mot", "mot_all", "gospa"):
-        assert first.metrics[scores] == again.metrics[scores]
 
 
 def test_the_metrics_say_what_became_of_every_vehicle(recording, tmp_path):
