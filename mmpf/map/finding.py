@@ -2,13 +2,70 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 
-Pieces = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""What ``mmpf.map.lane_graph.Segments.as_arrays`` gives, each of shape (q,)."""
+
+class Segments(NamedTuple):
+    """The straight pieces of all lanes' middle lines, those of a lane one after the other; arrays of shape (q,).
+
+    Attributes:
+        start_x: Where each begins, metres.
+        start_y: The same.
+        cosine: Its direction.
+        sine: The same.
+        length_m: Its length.
+        along_m: Arc length from the lane's beginning to its own.
+        lane: Index of its lane.
+        first: Index of each lane's first piece, and the number of all, shape (l + 1,).
+    """
+
+    start_x: FloatArray
+    start_y: FloatArray
+    cosine: FloatArray
+    sine: FloatArray
+    length_m: FloatArray
+    along_m: FloatArray
+    lane: IntArray
+    first: IntArray
+
+
+class Cells(NamedTuple):
+    """Which segments may be near which places: the plane in squares.
+
+    Attributes:
+        origin: Lower left corner of the first square, metres, shape (2,).
+        size_m: Their side.
+        shape: How many there are along x and along y.
+        first: Where each square's list begins, shape (squares + 1,).
+        segment: Segments of all lists.
+    """
+
+    origin: FloatArray
+    size_m: float
+    shape: tuple[int, int]
+    first: IntArray
+    segment: IntArray
+
+
+class LanesNear(NamedTuple):
+    """Up to k lanes beside each of n places, the nearest first; arrays of shape (n, k).
+
+    Attributes:
+        lane: Index of the lane, ``NOWHERE`` where there are fewer.
+        along_m: Arc length along it.
+        left_m: Offset to the left of its middle line.
+        heading_rad: Its direction there.
+    """
+
+    lane: IntArray
+    along_m: FloatArray
+    left_m: FloatArray
+    heading_rad: FloatArray
 
 
 @kernel()
@@ -43,40 +100,21 @@ def fill_cells(first_cell: IntArray, last_cell: IntArray, shape: tuple[int, int]
 
 @kernel()
 def find_lanes(
-    x: FloatArray,
-    y: FloatArray,
-    origin: FloatArray,
-    size_m: float,
-    shape: tuple[int, int],
-    first: IntArray,
-    members: IntArray,
-    pieces: Pieces,
-    piece_lane: IntArray,
-    reach_m: FloatArray,
-    lane: IntArray,
-    along: FloatArray,
-    left: FloatArray,
-    heading: FloatArray,
+    x: FloatArray, y: FloatArray, cells: Cells, pieces: Segments, reach_m: FloatArray, near: LanesNear
 ) -> None:
     """Write up to k lanes beside each of n places, the nearest first; what there are fewer of stays as it is.
 
     Args:
         x: Places, metres, shape (n,).
         y: The same.
-        origin: Lower left corner of the squares, shape (2,).
-        size_m: Their side.
-        shape: Columns and rows of them.
-        first: Where each square's list begins, as from ``fill_cells``.
-        members: The lists.
+        cells: Which pieces may be near which places.
         pieces: The straight pieces of all lanes.
-        piece_lane: Lane of each, shape (q,).
         reach_m: How far from its middle line a place is still beside a lane, shape (l,).
-        lane: Written to, as the rest, shape (n, k).
-        along: Arc length.
-        left: Offset to the left.
-        heading: Direction of the lane.
+        near: Written to, shape (n, k).
     """
-    start_x, start_y, cosine, sine, length, piece_along = pieces
+    start_x, start_y, cosine, sine, length, piece_along, piece_lane, _ = pieces
+    origin, size_m, shape, first, members = cells
+    lane, along, left, heading = near
     most = lane.shape[1]
     distance = np.empty(most)
     for n in range(len(x)):
@@ -121,8 +159,7 @@ def project(
     lane: IntArray,
     x: FloatArray,
     y: FloatArray,
-    pieces: Pieces,
-    first: IntArray,
+    pieces: Segments,
     along: FloatArray,
     left: FloatArray,
     heading: FloatArray,
@@ -134,12 +171,11 @@ def project(
         x: Places, metres, shape (n,).
         y: The same.
         pieces: The straight pieces of all lanes; the first and last of a lane go on beyond its ends.
-        first: Each lane's first piece, and the number of all, shape (l + 1,).
         along: Written to, as the rest.
         left: Offset to the left.
         heading: Direction of the lane.
     """
-    start_x, start_y, cosine, sine, length, piece_along = pieces
+    start_x, start_y, cosine, sine, length, piece_along, _, first = pieces
     for n in range(len(x)):
         if lane[n] < 0:
             continue
@@ -166,14 +202,13 @@ def lay_out(
     lane: IntArray,
     along: FloatArray,
     left: FloatArray,
-    pieces: Pieces,
-    first: IntArray,
+    pieces: Segments,
     x: FloatArray,
     y: FloatArray,
     heading: FloatArray,
 ) -> None:
     """Write x, y and direction of places on lanes, each (n,): the inverse of ``project``, whose arguments these are."""
-    start_x, start_y, cosine, sine, _, piece_along = pieces
+    start_x, start_y, cosine, sine, _, piece_along, _, first = pieces
     for n in range(len(along)):
         if lane[n] < 0:
             continue

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from mmpf.map.control import FREE, LinkControl
-from mmpf.map.finding import fill_cells, find_lanes, lay_out, project
+from mmpf.map.finding import Cells, LanesNear, Segments, fill_cells, find_lanes, lay_out, project
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 
 NOWHERE = -1
@@ -30,69 +31,17 @@ MOST_CELLS = 4_000_000
 BESIDE_M = 3.0
 
 
-@dataclass(frozen=True)
-class Segments:
-    """The straight pieces of all lanes' middle lines, those of a lane one after the other; arrays of shape (q,).
+class LaneColumns(NamedTuple):
+    """What compiled loops take of a ``LaneGraph``, whose attributes these are."""
 
-    Attributes:
-        start_x: Where each begins, metres.
-        start_y: The same.
-        cosine: Its direction.
-        sine: The same.
-        length_m: Its length.
-        along_m: Arc length from the lane's beginning to its own.
-        lane: Index of its lane.
-        first: Index of each lane's first piece, and the number of all, shape (l + 1,).
-    """
-
-    start_x: FloatArray
-    start_y: FloatArray
-    cosine: FloatArray
-    sine: FloatArray
     length_m: FloatArray
-    along_m: FloatArray
-    lane: IntArray
-    first: IntArray
-
-    def as_arrays(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return the columns that kernels take, lanes left out."""
-        return self.start_x, self.start_y, self.cosine, self.sine, self.length_m, self.along_m
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Which segments may be near which places: the plane in squares.
-
-    Attributes:
-        origin: Lower left corner of the first square, metres, shape (2,).
-        size_m: Their side.
-        shape: How many there are along x and along y.
-        first: Where each square's list begins, shape (squares + 1,).
-        segment: Segments of all lists.
-    """
-
-    origin: FloatArray
-    size_m: float
-    shape: tuple[int, int]
-    first: IntArray
-    segment: IntArray
-
-
-@dataclass(frozen=True)
-class LanesNear:
-    """Up to k lanes beside each of n places, the nearest first; arrays of shape (n, k).
-
-    Attributes:
-        lane: Index of the lane, ``NOWHERE`` where there are fewer.
-        along_m: Arc length along it.
-        left_m: Offset to the left of its middle line.
-        heading_rad: Its direction there.
-    """
-
-    lane: IntArray
-    along_m: FloatArray
-    left_m: FloatArray
-    heading_rad: FloatArray
+    width_m: FloatArray
+    left: IntArray
+    right: IntArray
+    successor: IntArray
+    first_successor: IntArray
+    link_from: IntArray
+    in_junction: BoolArray
 
 
 @dataclass(frozen=True)
@@ -213,6 +162,11 @@ class LaneGraph:
         return np.repeat(np.arange(len(self)), np.diff(self.first_successor))
 
     @cached_property
+    def columns(self) -> LaneColumns:
+        """What compiled loops take of the graph."""
+        return LaneColumns(*(getattr(self, name) for name in LaneColumns._fields))
+
+    @cached_property
     def to_stop_line_m(self) -> FloatArray:
         """From each lane's end to the nearest place ahead where a signal or right of way may hold vehicles, (l,).
 
@@ -257,23 +211,7 @@ class LaneGraph:
         """
         shape = len(x), most
         found = LanesNear(np.full(shape, NOWHERE), np.zeros(shape), np.zeros(shape), np.zeros(shape))
-        cells = self.cells
-        find_lanes(
-            x,
-            y,
-            cells.origin,
-            cells.size_m,
-            cells.shape,
-            cells.first,
-            cells.segment,
-            self.segments.as_arrays(),
-            self.segments.lane,
-            0.5 * self.width_m + BESIDE_M,
-            found.lane,
-            found.along_m,
-            found.left_m,
-            found.heading_rad,
-        )
+        find_lanes(x, y, self.cells, self.segments, 0.5 * self.width_m + BESIDE_M, found)
         return found
 
     def lane_at(self, x: FloatArray, y: FloatArray, heading_rad: FloatArray) -> IntArray:
@@ -305,7 +243,7 @@ class LaneGraph:
             y: The same.
         """
         along, left, heading = (np.full(len(x), np.nan) for _ in range(3))
-        project(lane, x, y, self.segments.as_arrays(), self.segments.first, along, left, heading)
+        project(lane, x, y, self.segments, along, left, heading)
         return along, left, heading
 
     def place(
@@ -319,7 +257,7 @@ class LaneGraph:
             left_m: Offset to the left of its middle line, shape (n,).
         """
         x, y, heading = (np.full(len(along_m), np.nan) for _ in range(3))
-        lay_out(lane, along_m, left_m, self.segments.as_arrays(), self.segments.first, x, y, heading)
+        lay_out(lane, along_m, left_m, self.segments, x, y, heading)
         return x, y, heading
 
 

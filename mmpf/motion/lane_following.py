@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneColumns, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, step_in_place
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
@@ -148,21 +148,7 @@ class LaneFollowing:
         changes_mind = change < dt_s / CHANGE_OF_MIND_S
         who = np.flatnonzero(changes_mind)
         changes_mind[who] = self._can_take(lane[who], choice[who], along[who], moved[SPEED, who])
-        _go_along(
-            lane,
-            following,
-            along,
-            left,
-            changes_mind,
-            choice,
-            graph.length_m,
-            graph.width_m,
-            graph.left,
-            graph.right,
-            graph.in_junction,
-            graph.successor,
-            graph.first_successor,
-        )
+        _go_along(lane, following, along, left, changes_mind, choice, graph.columns)
         x, y, direction = graph.place(lane, along, left)
         heading = latents[HEADING]
         cosine, sine = np.cos(heading), np.sin(heading)
@@ -263,15 +249,10 @@ def _go_along(
     left: FloatArray,
     changes_mind: BoolArray,
     choice: FloatArray,
-    length: FloatArray,
-    width: FloatArray,
-    left_of: IntArray,
-    right_of: IntArray,
-    in_junction: BoolArray,
-    successor: IntArray,
-    first_successor: IntArray,
+    lanes: LaneColumns,
 ) -> None:
     """Take particles over their lanes' edges and ends, in place; who changes its mind chooses its next lane anew."""
+    length, width, left_of, right_of, successor, first_successor, _, in_junction = lanes
     for n in range(len(lane)):
         if lane[n] < 0:
             continue

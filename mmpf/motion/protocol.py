@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.registry import Entry, Registry
 from mmpf.scan import BodyHeadings
 
 
-@dataclass(frozen=True)
-class Neighbour:
+class Neighbour(NamedTuple):
     """The nearest vehicle in one direction for each of n particles; arrays of shape (n,).
 
     Attributes:
@@ -33,7 +32,8 @@ class Neighbour:
 
     def take(self, index: IntArray) -> Neighbour:
         """Return the neighbours of some of the particles."""
-        return taken(self, index)
+        exists, gap_m, speed_mps, accel_mps2, length_m = self
+        return Neighbour(exists[index], gap_m[index], speed_mps[index], accel_mps2[index], length_m[index])
 
 
 class NeighbourView(Protocol):

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from mmpf.map.control import FREE, YIELD
-from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NO_LIMIT_MPS, NOWHERE, LaneColumns, LaneGraph
 from mmpf.motion.kinematic import committed_table
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
@@ -68,19 +68,8 @@ def road_speeds(
     """
     kind = np.full(len(graph.successor), FREE) if graph.control is None else graph.control.kind
     speed, allowed = lane_speeds(graph, driver), np.full(len(lane), np.inf)
-    _slow_down(
-        lane,
-        following,
-        along_m,
-        speed,
-        np.minimum(speed, driver.looking_mps),
-        driver.slowing_mps2,
-        graph.length_m,
-        graph.successor,
-        graph.first_successor,
-        kind,
-        allowed,
-    )
+    looking = np.minimum(speed, driver.looking_mps)
+    _slow_down(lane, following, along_m, speed, looking, driver.slowing_mps2, graph.columns, kind, allowed)
     return allowed
 
 
@@ -92,12 +81,11 @@ def _slow_down(
     speed: FloatArray,
     looking_speed: FloatArray,
     slowing: float,
-    length: FloatArray,
-    successor: IntArray,
-    first_successor: IntArray,
+    lanes: LaneColumns,
     kind: IntArray,
     allowed: FloatArray,
 ) -> None:
+    length, successor, first_successor = lanes.length_m, lanes.successor, lanes.first_successor
     for n in range(len(lane)):
         own, then = lane[n], following[n]
         if own == NOWHERE:

@@ -67,9 +67,9 @@ def nearest_by_lane(
     return leader, follower
 
 
-def to_be_found(n: int) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the columns of ``Neighbour`` for n particles, to be written."""
-    return np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+def to_be_found(n: int) -> Neighbour:
+    """Return neighbours of n particles, to be written."""
+    return Neighbour(np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ class KnownTraffic:
 
         def measure(begin: int, end: int) -> None:
             which = begin, end, asked, lon, speed, self.component
-            _measure_neighbours(*which, lane, nearest, sign, self.others, self.length_m, *found)
+            _measure_neighbours(*which, lane, nearest, sign, self.others, self.length_m, found)
 
         in_shares(measure, n, cost=0.5)
-        return Neighbour(*found)
+        return found
 
 
 @dataclass(frozen=True)
@@ -150,13 +150,10 @@ def _measure_neighbours(
     sign: float,
     others: FloatArray,
     length: FloatArray,
-    exists: BoolArray,
-    gap: FloatArray,
-    neighbour_speed: FloatArray,
-    neighbour_accel: FloatArray,
-    neighbour_length: FloatArray,
+    neighbour: Neighbour,
 ) -> None:
     """Fill in the neighbours in one direction: ``nearest`` has one per component and lane, ``sign`` is -1 behind."""
+    exists, gap, neighbour_speed, neighbour_accel, neighbour_length = neighbour
     for k in range(begin, end):
         n = index[k]
         own_length = length[component[n]]

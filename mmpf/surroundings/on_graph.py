@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
-from mmpf.map.lane_graph import NOWHERE, LaneGraph
+from mmpf.map.lane_graph import NOWHERE, LaneColumns, LaneGraph
 from mmpf.motion.lane_following import GATE, AroundOnGraph, guidance
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import ACCEL, LAT, LON, SPEED
@@ -25,8 +25,7 @@ HORIZON_M = 120.0
 NOBODY = -1
 
 
-@dataclass(frozen=True)
-class LanePlaces:
+class LanePlaces(NamedTuple):
     """Vehicles on the lanes, struct of arrays over v vehicles.
 
     Attributes:
@@ -92,29 +91,17 @@ def surroundings_on_graph(
     beside = [np.where(on_lane, column[lane], NOWHERE) for column in (graph.left, graph.right)]
 
     def found(of_lane: IntArray, sign: float, then: IntArray | None) -> Neighbour:
-        return _nearest(placed, graph, cloud.component, cloud.state[SPEED], lane, of_lane, along, left, sign, then)
+        """Return each particle's nearest vehicle ahead (sign 1) or behind (-1) on a lane, then on one that follows."""
+        then = np.full(len(lane), NOWHERE) if then is None else then
+        own, neighbour = (cloud.component, cloud.state[SPEED], lane, of_lane, along, left), to_be_found(len(lane))
+        _find_nearest(placed, graph.length_m, *own, sign, then, neighbour)
+        return neighbour
 
     leader = found(lane, 1.0, following)
     chance = None if open_links is None else open_links(placed.on_lanes(np.append(is_seen, True)))
     if chance is not None:
-        own_length = vehicles.length_m[cloud.component]
-        stop_at_lines(
-            chance,
-            cloud.latents[GATE],
-            lane,
-            following,
-            along,
-            cloud.state[SPEED],
-            own_length,
-            graph.length_m,
-            graph.successor,
-            graph.first_successor,
-            leader.exists,
-            leader.gap_m,
-            leader.speed_mps,
-            leader.accel_mps2,
-            leader.length_m,
-        )
+        own = cloud.state[SPEED], vehicles.length_m[cloud.component]
+        stop_at_lines(chance, cloud.latents[GATE], lane, following, along, *own, graph.columns, leader)
     return AroundOnGraph(
         length_m=vehicles.length_m[cloud.component],
         lane_right_m=-half,
@@ -145,7 +132,7 @@ def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: fl
     # What stands beside a lane is not in the way of those who drive in its middle.
     ahead = order[np.abs(left[order]) < IN_THE_WAY * width[order]]
     from_lane = np.searchsorted(lane[ahead], lanes)
-    gap, vehicle = _first_ahead(ahead, from_lane, along, graph.length_m, graph.successor, graph.first_successor)
+    gap, vehicle = _first_ahead(ahead, from_lane, along, graph.columns)
     return LanePlaces(
         lane=lane,
         along_m=along,
@@ -163,14 +150,10 @@ def _placed(mixture: Mixture, moments: Moments, ego: EgoPose, ego_accel_mps2: fl
 
 @kernel()
 def _first_ahead(
-    order: IntArray,
-    first: IntArray,
-    along: FloatArray,
-    length: FloatArray,
-    successor: IntArray,
-    first_successor: IntArray,
+    order: IntArray, first: IntArray, along: FloatArray, graph: LaneColumns
 ) -> tuple[FloatArray, IntArray]:
     """Return for each lane how far from its beginning the first vehicle on it or beyond its end is, and which."""
+    length, successor, first_successor = graph.length_m, graph.successor, graph.first_successor
     lanes = len(length)
     gap, vehicle = np.full(lanes, np.inf), np.full(lanes, NOBODY)
     for k in range(lanes):
@@ -190,39 +173,9 @@ def _first_ahead(
     return gap, vehicle
 
 
-def _nearest(
-    placed: LanePlaces,
-    graph: LaneGraph,
-    component: IntArray,
-    speed_mps: FloatArray,
-    lane: IntArray,
-    of_lane: IntArray,
-    along_m: FloatArray,
-    left_m: FloatArray,
-    sign: float,
-    then: IntArray | None,
-) -> Neighbour:
-    """Return each particle's nearest vehicle ahead (sign 1) or behind (-1) on a lane, then on the one that follows."""
-    then = np.full(len(component), NOWHERE) if then is None else then
-    found = to_be_found(len(component))
-    others = placed.along_m, placed.left_m, placed.speed_mps, placed.accel_mps2, placed.length_m, placed.width_m
-    gap, vehicle, own = placed.next_gap_m, placed.next_vehicle, (component, speed_mps, lane, of_lane, along_m, left_m)
-    _find_nearest(placed.order, placed.first, *others, gap, vehicle, graph.length_m, *own, sign, then, *found)
-    return Neighbour(*found)
-
-
 @kernel()
 def _find_nearest(
-    order: IntArray,
-    first: IntArray,
-    place: FloatArray,
-    beside: FloatArray,
-    speed: FloatArray,
-    accel: FloatArray,
-    length: FloatArray,
-    width: FloatArray,
-    next_gap: FloatArray,
-    next_vehicle: IntArray,
+    placed: LanePlaces,
     lane_length: FloatArray,
     component: IntArray,
     own_speed: FloatArray,
@@ -232,12 +185,10 @@ def _find_nearest(
     left: FloatArray,
     sign: float,
     then: IntArray,
-    exists: BoolArray,
-    gap: FloatArray,
-    neighbour_speed: FloatArray,
-    neighbour_accel: FloatArray,
-    neighbour_length: FloatArray,
+    neighbour: Neighbour,
 ) -> None:
+    _, place, beside, speed, accel, length, width, order, first, next_gap, next_vehicle = placed
+    exists, gap, neighbour_speed, neighbour_accel, neighbour_length = neighbour
     for n in range(len(component)):
         own, looked, who, away = component[n], of_lane[n], NOBODY, np.inf
         if looked >= 0:

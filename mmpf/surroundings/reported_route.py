@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mmpf.belief.mixture import Mixture
-from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.lane_graph import LaneColumns, LaneGraph
 from mmpf.motion.lane_following import guidance
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
@@ -29,7 +29,7 @@ def on_heaviest_way(mixture: Mixture, graph: LaneGraph) -> Mixture:
     lane, _ = guidance(cloud.latents)
     weight = np.exp(cloud.log_weight)
     keep = np.ones(len(lane), dtype=np.bool_)
-    _find_heaviest(lane, weight, mixture.starts, graph.left, graph.right, graph.successor, graph.first_successor, keep)
+    _find_heaviest(lane, weight, mixture.starts, graph.columns, keep)
     if keep.all():
         return mixture
     weight = np.where(keep, weight, 0.0)
@@ -40,16 +40,7 @@ def on_heaviest_way(mixture: Mixture, graph: LaneGraph) -> Mixture:
 
 
 @kernel()
-def _find_heaviest(
-    lane: IntArray,
-    weight: FloatArray,
-    starts: IntArray,
-    left: IntArray,
-    right: IntArray,
-    successor: IntArray,
-    first_successor: IntArray,
-    keep: BoolArray,
-) -> None:
+def _find_heaviest(lane: IntArray, weight: FloatArray, starts: IntArray, lanes: LaneColumns, keep: BoolArray) -> None:
     """Write which particles are on their component's heaviest lane, beside it, before it or behind it."""
     names, sums = np.empty(MOST_LANES, dtype=np.int64), np.empty(MOST_LANES)
     for m in range(len(starts) - 1):
@@ -68,21 +59,19 @@ def _find_heaviest(
             continue
         best = names[np.argmax(sums[:found])]
         for n in range(starts[m], starts[m + 1]):
-            keep[n] = _go_together(best, lane[n], left, right, successor, first_successor)
+            keep[n] = _go_together(best, lane[n], lanes)
 
 
 @kernel()
-def _go_together(
-    one: int, other: int, left: IntArray, right: IntArray, successor: IntArray, first_successor: IntArray
-) -> bool:
+def _go_together(one: int, other: int, lanes: LaneColumns) -> bool:
     if one == other:
         return True
     if one < 0 or other < 0:
         return False
-    if left[one] == other or right[one] == other:
+    if lanes.left[one] == other or lanes.right[one] == other:
         return True
     for before, after in ((one, other), (other, one)):
-        for k in range(first_successor[before], first_successor[before + 1]):
-            if successor[k] == after:
+        for k in range(lanes.first_successor[before], lanes.first_successor[before + 1]):
+            if lanes.successor[k] == after:
                 return True
     return False

@@ -6,12 +6,12 @@ has to give way is held by those who come.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mmpf.map.control import SIGNAL, YIELD
-from mmpf.map.lane_graph import LaneGraph
+from mmpf.map.lane_graph import LaneColumns, LaneGraph
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 
@@ -34,8 +34,7 @@ SLOWEST_MPS = 0.5
 CROSSED_SHARE = 0.7
 
 
-@dataclass(frozen=True)
-class OnLanes:
+class OnLanes(NamedTuple):
     """Vehicles on the lanes, struct of arrays over v vehicles.
 
     Attributes:
@@ -73,18 +72,7 @@ def watched_signals(log_odds: FloatArray, vehicles: OnLanes, graph: LaneGraph, d
     after = log_odds * np.exp(-dt_s / FORGOTTEN_S)
     drives = vehicles.seen & (vehicles.speed_mps > DRIVES_MPS) & (vehicles.along_m < NEAR_M)
     entered = np.isin(graph.successor, vehicles.lane[drives]) & (control.kind == SIGNAL)
-    _watch_drivers(
-        after,
-        dt_s,
-        entered,
-        control.kind,
-        control.foe,
-        control.first_foe,
-        graph.link_from,
-        graph.left,
-        graph.right,
-        graph.first_successor,
-    )
+    _watch_drivers(after, dt_s, entered, control.kind, control.foe, control.first_foe, graph.columns)
     ends = np.where(vehicles.lane >= 0, graph.length_m[vehicles.lane], np.inf)
     at_line = ends - vehicles.along_m - 0.5 * vehicles.length_m < NEAR_M
     waits = vehicles.seen & (vehicles.speed_mps < WAITS_MPS) & (vehicles.lane >= 0) & at_line
@@ -112,19 +100,7 @@ def open_probability(
         told = np.where(open_signals[control.signal], GOES_AT_OPEN, GOES_AT_CLOSED)
         chance = np.where(control.kind == SIGNAL, told, chance)
     chance = np.where(control.kind == SIGNAL, chance, 1.0)
-    _give_way(
-        chance,
-        vehicles.lane,
-        vehicles.along_m,
-        vehicles.speed_mps,
-        control.kind,
-        control.foe,
-        control.first_foe,
-        graph.link_from,
-        graph.length_m,
-        graph.successor,
-        graph.in_junction,
-    )
+    _give_way(chance, vehicles, control.kind, control.foe, control.first_foe, graph.columns)
     return chance
 
 
@@ -155,12 +131,10 @@ def _watch_drivers(
     kind: IntArray,
     foe: IntArray,
     first_foe: IntArray,
-    link_from: IntArray,
-    left_of: IntArray,
-    right_of: IntArray,
-    first_successor: IntArray,
+    lanes: LaneColumns,
 ) -> None:
     """Raise the log odds of signals that were passed and of those beside them, lower those of crossing ways."""
+    _, _, left_of, right_of, _, first_successor, link_from, _ = lanes
     for k in range(len(kind)):
         if kind[k] != SIGNAL:
             continue
@@ -182,18 +156,15 @@ def _watch_drivers(
 @kernel()
 def _give_way(
     chance: FloatArray,
-    lane: IntArray,
-    along: FloatArray,
-    speed: FloatArray,
+    vehicles: OnLanes,
     kind: IntArray,
     foe: IntArray,
     first_foe: IntArray,
-    link_from: IntArray,
-    lane_length: FloatArray,
-    successor: IntArray,
-    in_junction: BoolArray,
+    lanes: LaneColumns,
 ) -> None:
     """Lower the chance of links whose vehicles must wait for who comes or crosses, raise it where nobody does."""
+    lane, along, speed, _, _ = vehicles
+    lane_length, _, _, _, successor, _, link_from, in_junction = lanes
     for k in range(len(kind)):
         if kind[k] != YIELD:
             continue

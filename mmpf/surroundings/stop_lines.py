@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
+from mmpf.map.lane_graph import LaneColumns
+from mmpf.motion.protocol import Neighbour
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 
 # Who would have to brake harder than this before a stop line goes on; the others stand so far before it.
@@ -20,14 +22,8 @@ def stop_at_lines(
     along: FloatArray,
     own_speed: FloatArray,
     own_length: FloatArray,
-    lane_length: FloatArray,
-    successor: IntArray,
-    first_successor: IntArray,
-    exists: BoolArray,
-    gap: FloatArray,
-    neighbour_speed: FloatArray,
-    neighbour_accel: FloatArray,
-    neighbour_length: FloatArray,
+    lanes: LaneColumns,
+    leader: Neighbour,
 ) -> None:
     """Put a standing leader at the end of lanes whose next link a particle takes for closed, in place.
 
@@ -39,15 +35,11 @@ def stop_at_lines(
         along: Where it is on its lane, metres, shape (n,).
         own_speed: Its speed, m/s, shape (n,).
         own_length: Its length, metres, shape (n,).
-        lane_length: Length of each lane, metres, shape (l,).
-        successor: The links: lanes that follow, of all lanes one after the other, shape (k,).
-        first_successor: Where each lane's begin, and the end of the last, shape (l + 1,).
-        exists: Whether the particle has a leader, shape (n,); this and what follows are written.
-        gap: Distance to it, metres, shape (n,).
-        neighbour_speed: Its speed, m/s, shape (n,).
-        neighbour_accel: Its acceleration, m/s², shape (n,).
-        neighbour_length: Its length, metres, shape (n,).
+        lanes: The l lanes.
+        leader: The particles' leaders, which are rewritten.
     """
+    lane_length, successor, first_successor = lanes.length_m, lanes.successor, lanes.first_successor
+    exists, gap, neighbour_speed, neighbour_accel, neighbour_length = leader
     for n in range(len(lane)):
         if lane[n] < 0 or following[n] < 0:
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -123,5 +123,4 @@ def _nobody(state: FloatArray, own_length: FloatArray) -> Neighbour:
 
 
 def _where(condition: npt.NDArray[np.bool_], yes: Neighbour, no: Neighbour) -> Neighbour:
-    columns = (column.name for column in fields(Neighbour))
-    return Neighbour(*(np.where(condition, getattr(yes, name), getattr(no, name)) for name in columns))
+    return Neighbour(*(np.where(condition, *either) for either in zip(yes, no, strict=True)))

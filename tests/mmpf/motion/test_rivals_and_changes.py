@@ -101,7 +101,7 @@ def test_a_particle_of_the_pair_that_means_to_leave_its_lane_arrives_in_the_next
 def test_some_particles_know_what_they_knew_among_all():
     state = states(10)
     all_of_them = around(state, vehicle(10, 5.0, 3.0))
-    gaps = type(all_of_them.leader)(**{**vars(all_of_them.leader), "gap_m": np.arange(10.0)})
+    gaps = all_of_them.leader._replace(gap_m=np.arange(10.0))
     some = take_surroundings(type(all_of_them)(**{**vars(all_of_them), "leader": gaps}), np.array([2, 7]))
     np.testing.assert_array_equal(some.leader.gap_m, [2.0, 7.0])
     assert some.length_m.shape == (2,)
