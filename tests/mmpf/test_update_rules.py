@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from mmpf.belief.birth import Traffic
-from mmpf.belief.mixture import Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.joint.rule import JointUpdate
-from mmpf.joint.sources import Sources
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.protocol import motion_models
 from mmpf.motion.state import LAT, LON
@@ -15,7 +14,7 @@ from mmpf.options.filter import FilterOptions
 from mmpf.paper.rule import MaxLikelihoodUpdate
 from mmpf.scan import SensorModel
 from mmpf.stages.update_rule import Occlusion, Situation, UpdateRule
-from tests.mmpf.scenes import ROAD, lane_centre, scan_of
+from tests.mmpf.scenes import ROAD, belief_of, lane_centre, scan_of, spot
 
 PARTICLES = 400
 
@@ -25,15 +24,10 @@ def options_with(settings: dict[str, object]) -> FilterOptions:
 
 
 def mixture_at(places: list[tuple[float, float]], std_m: float = 1.0) -> Mixture:
-    rng = np.random.default_rng(0)
-    n = PARTICLES * len(places)
-    component = np.repeat(np.arange(len(places)), PARTICLES)
-    state = np.zeros((6, n))
-    state[LON] = np.array([lon for lon, _ in places])[component] + std_m * rng.standard_normal(n)
-    state[LAT] = np.array([lat for _, lat in places])[component] + 0.3 * rng.standard_normal(n)
-    even = np.full(n, -np.log(PARTICLES))
-    cloud = ParticleCloud(state, even, even, component, np.full(n, -np.log(len(places))), np.zeros((0, n)))
-    return Mixture(cloud, Sources.newborn(np.arange(1, len(places) + 1), np.full(len(places), 0.9)), 100)
+    mixture = belief_of([spot(*place, 0.0, PARTICLES) for place in places])
+    noise = np.random.default_rng(0).standard_normal((2, len(mixture.cloud)))
+    mixture.cloud.state[[LON, LAT]] += np.array([[std_m], [0.3]]) * noise
+    return mixture
 
 
 def situation_with(detections: list[tuple[float, float]]) -> Situation:

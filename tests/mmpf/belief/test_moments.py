@@ -5,26 +5,21 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments, effective_sizes, state_moments
 from mmpf.motion.protocol import motion_models
 from mmpf.motion.state import LON
 from mmpf.options.filter import FilterOptions
 from mmpf.scan import SensorModel
 from mmpf.tracker import MixtureTracker
-from tests.mmpf.scenes import ROAD, ego_at, lane_centre, scan_of
+from tests.mmpf.scenes import ROAD, belief_of, ego_at, lane_centre, scan_of
 
 
-def mixture_of(sizes: list[int], seed: int = 0) -> Mixture:
-    rng = np.random.default_rng(seed)
-    component = np.repeat(np.arange(len(sizes)), sizes)
-    weight = rng.uniform(0.1, 1.0, len(component))
-    weight /= np.bincount(component, weight)[component]
-    log_weight = np.log(weight)
-    cloud = ParticleCloud(
-        rng.normal(100.0, 5.0, (6, len(component))), log_weight, log_weight, component, log_weight, np.zeros((0, 0))
-    )
-    return Mixture(cloud, Components.newborn(np.arange(len(sizes)), np.full(len(sizes), 0.5)))
+def mixture_of(sizes: list[int]) -> Mixture:
+    rng = np.random.default_rng(0)
+    weights = [rng.uniform(0.1, 1.0, size) for size in sizes]
+    states = [rng.normal(100.0, 5.0, (6, size)) for size in sizes]
+    return belief_of(states, [weight / weight.sum() for weight in weights])
 
 
 @pytest.mark.parametrize("sizes", [[1], [3, 1, 40], [7, 8, 9, 1000], []])

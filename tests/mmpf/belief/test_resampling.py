@@ -5,23 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.belief.resampling import resample, resample_smoothly
 from mmpf.motion.state import ACCEL, LON, SPEED
+from tests.mmpf.scenes import belief_of, spot
 
 
 def mixture_of(weights: list[list[float]]) -> Mixture:
-    sizes = [len(w) for w in weights]
-    flat = np.concatenate([np.asarray(w) / np.sum(w) for w in weights])
-    state = np.zeros((6, len(flat)))
-    state[LON] = np.arange(len(flat))
-    state[SPEED] = 10.0 + np.arange(len(flat)) % 5
-    component = np.repeat(np.arange(len(sizes)), sizes)
-    log_weight = np.log(np.maximum(flat, 1e-300))
-    weights = log_weight, log_weight - 1.0
-    cloud = ParticleCloud(state, *weights, component, np.zeros(len(flat)), np.zeros((0, len(flat))))
-    return Mixture(cloud, Components.newborn(np.arange(1, len(sizes) + 1), np.full(len(sizes), 0.5)))
+    shares = [np.maximum(np.asarray(own) / np.sum(own), 1e-300) for own in weights]
+    mixture = belief_of([spot(0.0, 0.0, particles=len(own)) for own in weights], shares)
+    cloud, number = mixture.cloud, np.arange(len(mixture.cloud))
+    cloud.state[[LON, SPEED]] = number, 10.0 + number % 5
+    return replace(mixture, cloud=replace(cloud, log_raw_weight=cloud.log_weight - 1.0))
 
 
 def test_all_weight_on_one_particle_makes_every_sample_equal_to_it() -> None:

@@ -8,17 +8,16 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.joint.kinds import STANDING, certain_vehicles
 from mmpf.joint.merging import merge_lasting_overlaps
 from mmpf.joint.rule import JointUpdate
-from mmpf.joint.sources import Sources
-from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.motion.state import LON, SPEED
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointIdentity, JointMerging, JointOptions
 from mmpf.scan import SensorModel
-from tests.mmpf.scenes import lane_centre
+from tests.mmpf.scenes import belief_of, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
 PARTICLES = 200
@@ -30,21 +29,11 @@ def elder_and_younger(
     apart_m: float, confirmed: tuple[bool, bool], unseen_s: tuple[float, float], std_m: float = 0.3
 ) -> Mixture:
     """Return a belief of two components in one lane; the younger one has had enough detections to be confirmed."""
-    rng = np.random.default_rng(0)
-    component = np.repeat([0, 1], PARTICLES)
-    state = np.zeros((6, 2 * PARTICLES))
-    state[LON] = 30.0 + apart_m * component + std_m * rng.standard_normal(2 * PARTICLES)
-    state[LAT] = lane_centre(2)
-    even = np.full(2 * PARTICLES, -np.log(PARTICLES))
-    cloud = ParticleCloud(state, even, even, component, even * 0.0 - np.log(2), np.zeros((0, 2 * PARTICLES)))
-    components = replace(
-        Sources.newborn(np.array([ELDER, YOUNGER]), np.array([0.9, 0.9])),
-        confirmed=np.array(confirmed),
-        unseen_s=np.array(unseen_s),
-        hits=np.array([40, 5]),
-        detected_s=np.array([3.9, 0.4]),
-    )
-    return Mixture(cloud, components, 100)
+    states = [spot(lon_m, lane_centre(2), 0.0, PARTICLES) for lon_m in (30.0, 30.0 + apart_m)]
+    columns = {"track_id": [ELDER, YOUNGER], "hits": [40, 5], "detected_s": [3.9, 0.4]}
+    mixture = belief_of(states, **columns, confirmed=confirmed, unseen_s=unseen_s)
+    mixture.cloud.state[LON] += std_m * np.random.default_rng(0).standard_normal(2 * PARTICLES)
+    return mixture
 
 
 def merged_after(mixture: Mixture, scans: int, dt_s: float = 0.1) -> Mixture:

@@ -20,7 +20,6 @@ from mmpf.options.filter import FilterOptions
 from mmpf.scan import BodySizes, SensorModel
 from mmpf.stages.update_rule import Occlusion, Situation, Updated
 from tests.mmpf.scenes import belief_of, detections_at, ego_at, lane_centre, spot
-from tests.mmpf.test_tracker import drive, tracker_with
 from tests.mmpf.test_update_rules import situation_with
 
 PARTICLES = 30
@@ -265,12 +264,6 @@ def test_detections_on_the_ego_itself_start_no_component() -> None:
     situation = situation_with([(ego.lon_m + lon, ego.lat_m + lat) for lon, lat in on_it])
     mixture = changed(belief_of([]), situation, [1.0] * len(on_it))
     assert len(mixture) == 2, "the ego is 4.7 m long and 1.9 m wide: the last two lie beside it"
-
-
-def test_reflections_from_the_ego_itself_make_no_track_of_it() -> None:
-    car, reflection = (30.0, lane_centre(2)), (0.3, lane_centre(2))
-    tracks = drive(tracker_with(), 20, lambda step: [car, reflection] if step else [car])
-    assert tracks.lon_m == pytest.approx([2.0 * 19 + 30.0], abs=0.6)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import Components, Mixture, ParticleCloud
 from mmpf.belief.moments import component_moments
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.protocol import Surroundings
@@ -13,6 +12,7 @@ from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.scan import EgoPose
 from mmpf.surroundings.on_graph import surroundings_on_graph
 from tests.mmpf.map.scenes import graph_of
+from tests.mmpf.scenes import belief_of
 
 LENGTH_M = 4.0
 
@@ -46,13 +46,10 @@ def around(
     left = np.append(np.zeros(len(lane) - 1), last_left_m)
     state[LON], state[LAT], heading = graph.place(lane, np.array([v[1] for v in vehicles]), left)
     state[SPEED] = [v[2] for v in vehicles]
-    zeros = np.zeros(len(vehicles))
-    cloud = ParticleCloud(
-        state, zeros, zeros, np.arange(len(lane)), zeros, np.stack([zeros + gate, lane, np.array(following), heading])
-    )
-    components = Components.newborn(np.arange(1, len(lane) + 1), np.ones(len(lane)))
-    components = replace(components, confirmed=np.ones(len(lane), dtype=bool), length_m=np.full(len(lane), LENGTH_M))
-    mixture = Mixture(cloud, components, has_headings=True)
+    latents = np.stack([np.full(len(lane), gate), lane, np.array(following), heading])
+    columns = {"existence": [1.0] * len(lane), "confirmed": [True] * len(lane), "length_m": [LENGTH_M] * len(lane)}
+    mixture = belief_of(np.split(state, len(lane), axis=1), **columns)
+    mixture = replace(mixture, cloud=replace(mixture.cloud, latents=latents), has_headings=True)
     x, y, turn = graph.place(np.array([graph.name.index(EGO[0])]), np.array([EGO[1]]), np.zeros(1))
     pose = EgoPose(float(x[0]), float(y[0]), float(turn[0]), 7.0, LENGTH_M, 1.9)
     seen = np.ones(len(lane), dtype=bool)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mmpf.belief.mixture import Components, Mixture, ParticleCloud
+from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.motion.state import LAT, LON
 from mmpf.surroundings.reported_route import on_heaviest_way
 from tests.mmpf.map.scenes import graph_of
+from tests.mmpf.scenes import belief_of
 
 GRAPH = graph_of(
     {"in": [(0, 0), (50, 0)], "on": [(50, 0), (100, 0)], "off": [(50, 0), (50, -50)], "far": [(50, -50), (90, -50)]},
@@ -21,13 +22,11 @@ GRAPH = graph_of(
 def belief(places: list[tuple[str, float, float]], graph: LaneGraph = GRAPH) -> Mixture:
     """One component of particles (lane, arc length, weight)."""
     lane = np.array([graph.name.index(name) for name, _, _ in places])
-    state = np.zeros((6, len(lane)))
-    state[LON], state[LAT], heading = graph.place(lane, np.array([s for _, s, _ in places]), np.zeros(len(lane)))
-    weight = np.log([w for _, _, w in places])
-    zeros = np.zeros(len(lane))
+    state, zeros = np.zeros((6, len(lane))), np.zeros(len(lane))
+    state[LON], state[LAT], heading = graph.place(lane, np.array([s for _, s, _ in places]), zeros)
+    mixture = belief_of([state], [np.array([w for _, _, w in places])])
     latents = np.stack([lane.astype(float), zeros - 1.0, heading])
-    cloud = ParticleCloud(state, weight, weight, np.zeros(len(lane), dtype=np.int64), zeros, latents)
-    return Mixture(cloud, Components.newborn(np.array([1]), np.array([0.9])), has_headings=True)
+    return replace(mixture, cloud=replace(mixture.cloud, latents=latents), has_headings=True)
 
 
 def test_of_two_ways_the_heavier_is_reported_and_not_the_place_between_them() -> None:
