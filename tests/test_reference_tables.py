@@ -104,22 +104,24 @@ def test_runs_are_gone_on_with_after_a_change_of_pages_but_not_of_sources(tree: 
     assert len(stress.calls) == 2
 
 
+def write_tables(folder: Path, **rows: dict[str, float]) -> None:
+    """Write a table of one run into a folder of each name."""
+    for name, row in rows.items():
+        (folder / name).mkdir()
+        pd.DataFrame([row]).to_parquet(folder / name / "runs.parquet")
+
+
 def test_only_times_may_differ_between_two_makings(tmp_path: Path) -> None:
-    for name, time, hota in (("a", 1.0, 90.0), ("b", 2.0, 90.0), ("c", 1.0, 90.5)):
-        (tmp_path / name).mkdir()
-        row = {"mot.hota": [hota], "timing.total_s": [time], "mae.lon_m": [float("nan")]}
-        pd.DataFrame(row).to_parquet(tmp_path / name / "runs.parquet")
+    usual = {"mot.hota": 90.0, "timing.total_s": 1.0, "mae.lon_m": float("nan")}
+    write_tables(tmp_path, a=usual, b=usual | {"timing.total_s": 2.0}, c=usual | {"mot.hota": 90.5})
     assert not differences(tmp_path / "a", tmp_path / "b")
     (found,) = differences(tmp_path / "a", tmp_path / "c")
     assert str(found) == "runs.parquet, row 0, mot.hota: committed 90.0, remade 90.5"
 
 
 def test_on_another_kind_of_processor_only_traffic_and_detections_have_to_be_the_same(tmp_path: Path) -> None:
-    for name, hota, flow in (("a", 90.0, 1.0), ("b", 90.5, 1.0), ("c", 90.0, 2.0)):
-        (tmp_path / name).mkdir()
-        pd.DataFrame({"mot.hota": [hota], "traffic.flow_veh_per_h": [flow]}).to_parquet(
-            tmp_path / name / "runs.parquet"
-        )
+    usual = {"mot.hota": 90.0, "traffic.flow_veh_per_h": 1.0}
+    write_tables(tmp_path, a=usual, b=usual | {"mot.hota": 90.5}, c=usual | {"traffic.flow_veh_per_h": 2.0})
     assert not differences(tmp_path / "a", tmp_path / "b", world_only=True)
     assert len(differences(tmp_path / "a", tmp_path / "c", world_only=True)) == 1
     (tmp_path / "a" / "manifest.json").write_text(json.dumps({"machine": {"kind": "another"}}))
@@ -127,14 +129,9 @@ def test_on_another_kind_of_processor_only_traffic_and_detections_have_to_be_the
 
 
 def test_what_a_driver_would_do_is_held_together_only_where_the_committed_making_asked_one(tmp_path: Path) -> None:
-    rows = {
-        "a": {},
-        "b": {"decisions.missed": [1.0], "conflicts.n": [9.0]},
-        "c": {"decisions.missed": [2.0], "conflicts.n": [9.0]},
-    }
-    for name, row in rows.items():
-        (tmp_path / name).mkdir()
-        pd.DataFrame({"mot.hota": [90.0], **row}).to_parquet(tmp_path / name / "runs.parquet")
+    usual = {"mot.hota": 90.0}
+    asked = usual | {"decisions.missed": 1.0, "conflicts.n": 9.0}
+    write_tables(tmp_path, a=usual, b=asked, c=asked | {"decisions.missed": 2.0})
     assert not differences(tmp_path / "a", tmp_path / "b")
     assert len(differences(tmp_path / "b", tmp_path / "c")) == 1
     assert len(differences(tmp_path / "b", tmp_path / "a")) == 2
