@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,22 @@ LOG_SMALLEST = float(np.log(1e-300))
 FEWEST_EFFECTIVE = 10.0
 
 
+class GatedLikelihoods(NamedTuple):
+    """Likelihoods of the pairs of component and detection that lie within the gate; p pairs, component by component.
+
+    Attributes:
+        component: Component of each pair, ascending, shape (p,).
+        detection: Detection of each pair, shape (p,).
+        values: f(z | x) of the particles of each pair's component, one pair after the other.
+        starts: Where each pair's values begin, and the end of the last, shape (p + 1,).
+    """
+
+    component: IntArray
+    detection: IntArray
+    values: FloatArray
+    starts: IntArray
+
+
 def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     """Return weights that sum to one within each component, shape (n,)."""
     weight = _below_largest(log_weight, starts)
@@ -28,6 +44,7 @@ def normalised(log_weight: FloatArray, starts: IntArray) -> FloatArray:
     return weight
 
 
+@kernel(fastmath=True)
 def association_evidence(
     weight: FloatArray,
     starts: IntArray,
@@ -36,8 +53,22 @@ def association_evidence(
     detections: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Return sum_n w P_D f(z_j | x) per pair, shape (m, d), and E[1 - P_D] per component, shape (m,)."""
-    pairs = likelihoods.component, likelihoods.detection, likelihoods.values, likelihoods.starts
-    return _sum_evidence(weight, starts, detection_probability, *pairs, detections)
+    pair_component, pair_detection, values, value_starts = likelihoods
+    evidence, not_seen = np.zeros((len(starts) - 1, detections)), np.ones(len(starts) - 1)
+    for m in range(len(starts) - 1):
+        seen = 0.0
+        for n in range(starts[m], starts[m + 1]):
+            seen += weight[n] * detection_probability[n]
+        not_seen[m] = 1.0 - seen
+    for p in range(len(pair_component)):
+        begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
+        own_weight, probability = weight[begin:end], detection_probability[begin:end]
+        likelihood = values[value_starts[p] : value_starts[p + 1]]
+        total = 0.0
+        for k in range(len(likelihood)):
+            total += own_weight[k] * probability[k] * likelihood[k]
+        evidence[pair_component[p], pair_detection[p]] = total
+    return evidence, not_seen
 
 
 def particle_factors(
@@ -49,15 +80,7 @@ def particle_factors(
     """Return each particle's weight factor (1 - P_D) + P_D sum_j nu_j f(z_j | x) / lambda, shape (n,)."""
     factor = 1.0 - detection_probability
     pair_message = message[likelihoods.component, likelihoods.detection]
-    _add_detection_terms(
-        detection_probability,
-        starts,
-        likelihoods.component,
-        likelihoods.values,
-        likelihoods.starts,
-        pair_message,
-        factor,
-    )
+    _add_detection_terms(detection_probability, starts, likelihoods, pair_message, factor)
     return factor
 
 
@@ -82,66 +105,20 @@ def _below_largest(log_weight: FloatArray, starts: IntArray) -> FloatArray:
 
 
 @kernel(fastmath=True)
-def _sum_evidence(
-    weight: FloatArray,
-    starts: IntArray,
-    detection_probability: FloatArray,
-    pair_component: IntArray,
-    pair_detection: IntArray,
-    values: FloatArray,
-    value_starts: IntArray,
-    detections: int,
-) -> tuple[FloatArray, FloatArray]:
-    evidence, not_seen = np.zeros((len(starts) - 1, detections)), np.ones(len(starts) - 1)
-    for m in range(len(starts) - 1):
-        seen = 0.0
-        for n in range(starts[m], starts[m + 1]):
-            seen += weight[n] * detection_probability[n]
-        not_seen[m] = 1.0 - seen
-    for p in range(len(pair_component)):
-        begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
-        own_weight, probability = weight[begin:end], detection_probability[begin:end]
-        likelihood = values[value_starts[p] : value_starts[p + 1]]
-        total = 0.0
-        for k in range(len(likelihood)):
-            total += own_weight[k] * probability[k] * likelihood[k]
-        evidence[pair_component[p], pair_detection[p]] = total
-    return evidence, not_seen
-
-
-@kernel(fastmath=True)
 def _add_detection_terms(
     detection_probability: FloatArray,
     starts: IntArray,
-    pair_component: IntArray,
-    values: FloatArray,
-    value_starts: IntArray,
+    likelihoods: GatedLikelihoods,
     message: FloatArray,
     factor: FloatArray,
 ) -> None:
+    pair_component, _, values, value_starts = likelihoods
     for p in range(len(pair_component)):
         begin, end = starts[pair_component[p]], starts[pair_component[p] + 1]
         own_factor, probability = factor[begin:end], detection_probability[begin:end]
         likelihood = values[value_starts[p] : value_starts[p + 1]]
         for k in range(len(likelihood)):
             own_factor[k] += probability[k] * message[p] * likelihood[k]
-
-
-@dataclass(frozen=True)
-class GatedLikelihoods:
-    """Likelihoods of the pairs of component and detection that lie within the gate; p pairs, component by component.
-
-    Attributes:
-        component: Component of each pair, ascending, shape (p,).
-        detection: Detection of each pair, shape (p,).
-        values: f(z | x) of the particles of each pair's component, one pair after the other.
-        starts: Where each pair's values begin, and the end of the last, shape (p + 1,).
-    """
-
-    component: IntArray
-    detection: IntArray
-    values: FloatArray
-    starts: IntArray
 
 
 def gated_likelihoods(mixture: Mixture, moments: Moments, detections: Detections, gate_std: float) -> GatedLikelihoods:

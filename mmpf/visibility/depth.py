@@ -7,6 +7,7 @@ where it is said to point. The table holds the two nearest surfaces, so that no 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,8 +41,7 @@ class Occluders:
         return 0.5 * self.length_m, 0.5 * self.width_m
 
 
-@dataclass(frozen=True)
-class DepthTable:
+class DepthTable(NamedTuple):
     """The two nearest surfaces in each bearing sector.
 
     Attributes:

@@ -31,16 +31,8 @@ def detection_probabilities(
     """
     probability = np.empty(len(visible_fraction))
     in_rings = in_plain_view(sensor, reach_shares)
-    _by_data_sheet(
-        visible_fraction,
-        distance_m,
-        in_rings,
-        sensor.full_view_fraction,
-        sensor.hidden_fraction,
-        sensor.range_m,
-        hidden_probability,
-        probability,
-    )
+    sheet = sensor.full_view_fraction, sensor.hidden_fraction, sensor.range_m
+    _by_data_sheet(visible_fraction, distance_m, in_rings, *sheet, hidden_probability, probability)
     return probability
 
 

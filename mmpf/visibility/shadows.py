@@ -34,12 +34,11 @@ def visible_fractions(
     """
     fraction = np.empty(len(lon_m))
     x, y = plane.seen_from_sensor(lon_m, lat_m)
-    surfaces = table.depth_m, table.caster
     outlines = *bodies.halves, np.cos(table.heading_rad), np.sin(table.heading_rad)
 
     def look_up(begin: int, end: int) -> None:
         some = slice(begin, end)
-        _look_up_rays(x[some], y[some], component[some], *surfaces, *outlines, fraction[some])
+        _look_up_rays(x[some], y[some], component[some], table, outlines, fraction[some])
 
     in_shares(look_up, len(fraction), cost=2.0)
     return fraction
@@ -75,15 +74,12 @@ def _look_up_rays(
     x: FloatArray,
     y: FloatArray,
     component: IntArray,
-    depth: FloatArray,
-    caster: IntArray,
-    half_length: FloatArray,
-    half_width: FloatArray,
-    cosine: FloatArray,
-    sine: FloatArray,
+    table: DepthTable,
+    outlines: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     fraction: FloatArray,
 ) -> None:
     """Write the share of each particle's rays that reach it; positions are from the sensor, sizes by component."""
+    half_length, half_width, cosine, sine = outlines
     begin = 0
     while begin < len(x):
         end = begin + 1
@@ -92,28 +88,23 @@ def _look_up_rays(
         own = component[begin]
         own_x, own_y = x[begin:end], y[begin:end]
         outline = half_length[own], half_width[own], cosine[own], sine[own]
-        alike = _fraction_of_all(own_x, own_y, own, depth, caster, outline)
+        alike = _fraction_of_all(own_x, own_y, own, table, outline)
         if alike >= 0.0:
             fraction[begin:end] = alike
         else:
-            _fraction_of_each(own_x, own_y, own, depth, caster, outline, fraction[begin:end])
+            _fraction_of_each(own_x, own_y, own, table, outline, fraction[begin:end])
         begin = end
 
 
 @part_of_kernel()
 def _fraction_of_all(
-    x: FloatArray,
-    y: FloatArray,
-    own: int,
-    depth: FloatArray,
-    caster: IntArray,
-    outline: tuple[float, float, float, float],
+    x: FloatArray, y: FloatArray, own: int, table: DepthTable, outline: tuple[float, float, float, float]
 ) -> float:
     """Return 1 if nothing is before the box around a whole component, 0 if all of it is in shadow, else -1.
 
     Exact: where it says 1 or 0, every ray of every particle would.
     """
-    half_length, half_width, cosine, sine = outline
+    (depth, caster, _), (half_length, half_width, cosine, sine) = table, outline
     low_x, high_x, low_y, high_y = x[0], x[0], y[0], y[0]
     for n in range(len(x)):
         low_x, high_x = min(low_x, x[n]), max(high_x, x[n])
@@ -147,19 +138,18 @@ def _fraction_of_each(
     x: FloatArray,
     y: FloatArray,
     own: int,
-    depth: FloatArray,
-    caster: IntArray,
+    table: DepthTable,
     outline: tuple[float, float, float, float],
     fraction: FloatArray,
 ) -> None:
     """Look up the rays of each particle."""
+    (depth, caster, _), (half_length, half_width, cosine, sine) = table, outline
     sectors = depth.shape[1]
     per_radian = sectors / (2.0 * np.pi)
     # Two turns, since a vehicle may lie across the table's ends.
     surface = np.empty(2 * sectors)
     for k in range(sectors):
         surface[k] = surface[sectors + k] = depth[1, k] if caster[0, k] == own else depth[0, k]
-    half_length, half_width, cosine, sine = outline
     distance, halves, places = np.empty(len(x)), np.empty(len(x)), np.empty(len(x))
     # Without branches, so that the compiler turns it into vector instructions.
     for n in range(len(x)):
