@@ -27,9 +27,9 @@ from mmpf.motion.gmm.model_file import (
 from mmpf.motion.learned import empirical, recurrent, residual
 from mmpf.motion.learned.follower import Follower, MixtureFollower, follows
 from mmpf.motion.learned.kernel import FreeDriving, drive
-from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
+from mmpf.motion.learned.lane_changer import LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
-from mmpf.motion.protocol import Surroundings, propagate_by_rewriting, take_surroundings
+from mmpf.motion.protocol import Surroundings, propagate_by_rewriting
 from mmpf.motion.state import ACCEL, LAT, SPEED
 from mmpf.motion.turning import turning_driver
 from mmpf.numerics.arrays import FloatArray, IntArray
@@ -175,7 +175,9 @@ class LearnedDriver:
         in_shares(drive_some, state.shape[1])
         changing = np.flatnonzero(~keeps_lane)
         if len(changing):
-            after[:, changing] = self._changing(state, latents, surroundings, changing, dt_s, rng)
+            after[:, changing] = self.changer.move_some(
+                state, latents[INTENTION:HABIT], surroundings, changing, dt_s, rng
+            )
         return after
 
     def without_limits(self) -> LearnedDriver:
@@ -192,22 +194,6 @@ class LearnedDriver:
         return self.model.keeper.log_prior_over_tried(
             latents[INTENTION:HABIT], after[INTENTION:HABIT], surroundings, dt_s
         )
-
-    def _changing(
-        self,
-        state: FloatArray,
-        latents: FloatArray,
-        surroundings: Surroundings,
-        index: IntArray,
-        dt_s: float,
-        rng: np.random.Generator,
-    ) -> FloatArray:
-        """Return the states of the particles ``index``, which are changing lanes, one step later."""
-        around = take_surroundings(surroundings, index)
-        direction = latents[INTENTION, index]
-        width = around.lane_left_m - around.lane_right_m
-        origin = latents[TARGET, index] - direction * np.where(np.isfinite(width), width, NOMINAL_WIDTH_M)
-        return self.changer.move(state.take(index, axis=1), direction, origin, around, dt_s, rng)
 
     def _draw_drivers(
         self, state: FloatArray, drawn: FloatArray, surroundings: Surroundings, dt_s: float, rng: np.random.Generator

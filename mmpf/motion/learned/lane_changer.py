@@ -14,9 +14,9 @@ import numpy as np
 from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
-from mmpf.motion.protocol import NeighbourView, Surroundings
+from mmpf.motion.protocol import NeighbourView, Surroundings, take_surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
-from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel, part_of_kernel
 
 CHANGE = MixtureFile("lane-change", inputs=14, outputs=6)
@@ -118,6 +118,30 @@ class LaneChanger:
     """
 
     mixture: ScaledGmm = field(default_factory=partial(committed_mixture, CHANGE))
+
+    def move_some(
+        self,
+        state: FloatArray,
+        aims: FloatArray,
+        surroundings: Surroundings,
+        index: IntArray,
+        dt_s: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return the states of the particles ``index``, shape (k,), one step later.
+
+        Args:
+            state: States of all, shape (6, n).
+            aims: Direction in which each changes lanes, and the middle of the lane it is after, shape (2, n).
+            surroundings: What the particles know.
+            index: Which of them are changing lanes.
+            dt_s: Length of the step.
+            rng: Source of randomness.
+        """
+        around, (direction, target) = take_surroundings(surroundings, index), aims[:, index]
+        width = around.lane_left_m - around.lane_right_m
+        origin = target - direction * np.where(np.isfinite(width), width, NOMINAL_WIDTH_M)
+        return self.move(state.take(index, axis=1), direction, origin, around, dt_s, rng)
 
     def move(
         self,

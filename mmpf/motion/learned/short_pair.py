@@ -12,14 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mmpf.motion.learned.driver import LearnedDriver
-from mmpf.motion.learned.lane_changer import NOMINAL_WIDTH_M, LaneChanger
+from mmpf.motion.learned.lane_changer import LaneChanger
 from mmpf.motion.learned.lane_keeping import LaneKeeper
 from mmpf.motion.learned.short_driver import short_term_driver
-from mmpf.motion.protocol import MotionModel, Surroundings, take_surroundings
+from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.motion.state import LAT
 from mmpf.numerics.arrays import FloatArray
-
-INTENTION, TARGET = range(2)
 
 
 def _counted_rates() -> LaneKeeper:
@@ -55,13 +53,9 @@ class ShortTermPair:
         aims = latents.copy()
         self.rates.switch_intentions(state[LAT], aims, surroundings, dt_s, rng)
         after, _ = self.keeping.propagate(state, latents[:0], surroundings, dt_s, rng)
-        changing = np.flatnonzero(aims[INTENTION])
+        changing = np.flatnonzero(aims[0])
         if len(changing):
-            around = take_surroundings(surroundings, changing)
-            direction = aims[INTENTION, changing]
-            width = around.lane_left_m - around.lane_right_m
-            origin = aims[TARGET, changing] - direction * np.where(np.isfinite(width), width, NOMINAL_WIDTH_M)
-            after[:, changing] = self.changer.move(state[:, changing], direction, origin, around, dt_s, rng)
+            after[:, changing] = self.changer.move_some(state, aims, surroundings, changing, dt_s, rng)
         return after, aims
 
     def log_prior_over_tried(
