@@ -78,7 +78,8 @@ def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, 
         strip = _PictureRow(ImageDraw.Draw(stretch), (pose.lon_m + start_m, high), scale)
         _draw_ground(strip, run, pose, detections)
         _draw_road_and_vehicles(strip, run, truth, ego)
-        _draw_detections_and_tracks(strip, detections, tracks)
+        _draw_detections(strip, detections)
+        _draw_tracks(strip, tracks, pose)
         picture.paste(stretch, (0, SMOOTH * (HEAD + place * (half + GAP))))
     rows = f"(above: {run.sensor.range_m:g} m ahead, below: behind)"
     _draw_words(ImageDraw.Draw(picture), f"{run.config.title()}: {floats(truth, 'time_s')[0]:.1f} s   {rows}")
@@ -106,19 +107,29 @@ def _draw_road_and_vehicles(strip: _PictureRow, run: RecordedRun, truth: pd.Data
         strip.draw.polygon(strip.place(outlines[i]), fill=fill, outline=edge, width=2 * SMOOTH)
 
 
-def _draw_detections_and_tracks(strip: _PictureRow, detections: pd.DataFrame, tracks: pd.DataFrame) -> None:
+def _draw_detections(strip: _PictureRow, detections: pd.DataFrame) -> None:
     places = np.stack([floats(detections, "lon_m"), floats(detections, "lat_m")], axis=-1)
     for x, y in strip.place(places):
         _draw_cross(strip.draw, x, y)
+
+
+def _draw_tracks(strip: _PictureRow, tracks: pd.DataFrame, ego: EgoPose) -> None:
+    """Draw ellipses, and as many of their numbers as do not overlap: those nearest to the ego first."""
+    away_m = np.hypot(floats(tracks, "lon_m") - ego.lon_m, floats(tracks, "lat_m") - ego.lat_m)
+    tracks = tracks.iloc[np.argsort(away_m, kind="stable")]
     places = np.stack([floats(tracks, "lon_m"), floats(tracks, "lat_m")], axis=-1)
     sizes = ELLIPSE_SCALE * strip.scale * np.stack([floats(tracks, "std_lon_m"), floats(tracks, "std_lat_m")], axis=-1)
     hidden = (tracks["state"] == "hidden").tolist()
     font = ImageFont.load_default(11 * SMOOTH)
-    drawn = strip.place(places), sizes.tolist(), hidden, tracks["track_id"]
+    drawn = strip.place(places), sizes.tolist(), hidden, tracks["track_id"].astype(str)
+    taken = np.zeros((0, 4))
     for (x, y), (along, across), dashed, number in zip(*drawn, strict=True):
         _draw_ellipse(strip.draw, (x - along, y - across, x + along, y + across), dashed)
         above = y - min(max(across, strip.scale), 2.0 * strip.scale)
-        strip.draw.text((x, above), str(number), PURPLE, font, "mb", stroke_width=SMOOTH, stroke_fill="white")
+        box = np.array(strip.draw.textbbox((x, above), number, font, "mb", stroke_width=SMOOTH))
+        if not ((box[:2] < taken[:, 2:]) & (taken[:, :2] < box[2:])).all(axis=1).any():
+            strip.draw.text((x, above), number, PURPLE, font, "mb", stroke_width=SMOOTH, stroke_fill="white")
+            taken = np.vstack([taken, box])
 
 
 def _draw_cross(draw: ImageDraw.ImageDraw, x: float, y: float) -> None:

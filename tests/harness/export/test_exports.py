@@ -435,6 +435,19 @@ def test_the_film_has_a_picture_for_each_step_and_one_that_fails_leaves_nothing(
     assert not [*tmp_path.glob(".*")]
 
 
+def test_of_numbers_that_would_overlap_a_film_shows_the_one_nearest_to_the_ego(folder):
+    drawn = pytest.importorskip("harness.report.film", reason="the extra video is not installed", exc_type=ImportError)
+    run = read_recorded_run(folder)
+    truth, detections, tracks = (table[table["step"] == 5] for table in (run.truth, run.detections, run.tracks))
+
+    def picture(*numbers, apart_m=1.0):
+        placed = tracks.assign(lon_m=tracks["lon_m"].iloc[0] + [0.0, apart_m], track_id=numbers)
+        return drawn.draw_frame(run, truth, detections, placed).tobytes()
+
+    assert picture(111, 222) == picture(111, 777) != picture(333, 777)
+    assert picture(111, 222, apart_m=30.0) != picture(111, 777, apart_m=30.0)
+
+
 def test_a_film_that_cannot_be_written_is_refused_before_the_run(tmp_path, capsys):
     begun = tmp_path / "run"
     assert run_command_line(["run", "--out", str(begun), "--video", str(tmp_path / "run.avi")]) == WRONG_INPUT
