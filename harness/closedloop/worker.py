@@ -36,7 +36,8 @@ from harness.sensor.detector import build_sensor
 from harness.sensor.observation import Snapshot
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_folder import Row
-from harness.truth.network.network import is_in_the_box, load_network
+from harness.truth.network.names import shipped_networks
+from harness.truth.network.network import load_network
 from harness.truth.sumo.simulation import SumoTruth, open_traffic
 
 T = TypeVar("T")
@@ -50,7 +51,7 @@ CHOICES = 9
 def work_on_cell(cell: Cell, report: Report) -> None:
     """Drive all episodes of a seed by all beliefs, reporting in order; for an external network in a confined fork."""
     net, begin = cell.config.traffic.net, perf_counter()
-    if is_in_the_box(net):
+    if net in shipped_networks():
         _work_on(cell, report, lambda: None)
         return
     left = {run.key: run for run in cell.runs if isinstance(run, PlannedDrive)}

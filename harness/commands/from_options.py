@@ -14,6 +14,7 @@ import typer
 
 from harness.common.errors import InputError
 from harness.config.options import Declared, options_of
+from harness.truth.network.names import check_network
 
 Outcome = int | None
 
@@ -22,6 +23,8 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
     """Return what typer takes for a command of a table of options."""
 
     def called(**values: object) -> Outcome:
+        if values.get("net") is not None:
+            check_network(str(values["net"]))
         return command(values) if values else command()
 
     parameters = [_parameter(name, entry) for name, entry in _entries(command).items()]

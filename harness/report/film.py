@@ -108,8 +108,7 @@ def _draw_road_and_vehicles(strip: _PictureRow, run: RecordedRun, truth: pd.Data
 
 
 def _draw_detections(strip: _PictureRow, detections: pd.DataFrame) -> None:
-    places = np.stack([floats(detections, "lon_m"), floats(detections, "lat_m")], axis=-1)
-    for x, y in strip.place(places):
+    for x, y in strip.place(detections[["lon_m", "lat_m"]].to_numpy(dtype=np.float64)):
         _draw_cross(strip.draw, x, y)
 
 

@@ -20,8 +20,8 @@ from harness.truth.network.corridor import Corridor, Ramp, corridor_from_net, ra
 from harness.truth.network.demand import Demand, Drivers
 from harness.truth.network.lanegraph import PlaneNetwork, read_lane_graph
 from harness.truth.network.limits import check_xml
+from harness.truth.network.names import METADATA_FILE, check_network, shipped_networks
 from harness.truth.network.networkfile import (
-    METADATA_FILE,
     CalibrationFile,
     DemandFile,
     PlaneNetworkFile,
@@ -108,7 +108,7 @@ class Network:
     @property
     def is_shipped(self) -> bool:
         """Whether it comes with the project."""
-        return self.net_file.resolve().is_relative_to(shipped_networks().resolve())
+        return any(folder.resolve() in self.net_file.resolve().parents for folder in shipped_networks().values())
 
     @cached_property
     def road(self) -> Road:
@@ -173,7 +173,7 @@ class Network:
 
 def available_networks() -> tuple[NetworkDescription, ...]:
     """Describe the networks that come with the project, by name."""
-    return tuple(_describe(load_network(folder.name)) for folder in _network_folders())
+    return tuple(_describe(load_network(name)) for name in shipped_networks())
 
 
 def load_network(name_or_path: str) -> Network:
@@ -182,24 +182,16 @@ def load_network(name_or_path: str) -> Network:
     Raises:
         InputError: There is no such network, or its files are missing or malformed.
     """
-    for folder in _network_folders():
-        if folder.name == name_or_path:
-            return _from_metadata(folder, name_or_path)
+    check_network(name_or_path)
+    if (folder := shipped_networks().get(name_or_path)) is not None:
+        return _from_metadata(folder, name_or_path)
     # Whoever drives on it may do so from another folder.
     path = Path(os.path.abspath(checked_path(Path(name_or_path), "net")))
     if path.suffix == ".sumocfg" and not path.is_dir():
         require_file(path, f"`net` {name_or_path}")
-    if path.is_dir() or path.suffix == ".sumocfg":
-        compile_kernels()
-        beside = path.iterdir() if path.is_dir() else path.parent.iterdir()
-        return isolated(partial(_from_elsewhere, path, name_or_path), f"`net`: {path}", ProcessLimits.for_files(beside))
-    known = ", ".join(folder.name for folder in _network_folders())
-    raise InputError(f"`net` {name_or_path}: no such network; known are: {known}; or give a folder or a .sumocfg file")
-
-
-def is_in_the_box(name_or_path: str) -> bool:
-    """Return whether a name is that of a network that comes with the project."""
-    return any(folder.name == name_or_path for folder in _network_folders())
+    compile_kernels()
+    beside = path.iterdir() if path.is_dir() else path.parent.iterdir()
+    return isolated(partial(_from_elsewhere, path, name_or_path), f"`net`: {path}", ProcessLimits.for_files(beside))
 
 
 def default_demand(name_or_path: str) -> str | None:
@@ -207,20 +199,8 @@ def default_demand(name_or_path: str) -> str | None:
 
     Only the network's ``network.toml`` is read; of a network that does not exist nothing is known here.
     """
-    shipped = [folder for folder in _network_folders() if folder.name == name_or_path]
-    metadata = (shipped[0] if shipped else Path(name_or_path)) / METADATA_FILE
+    metadata = shipped_networks().get(name_or_path, Path(name_or_path)) / METADATA_FILE
     return read_network_file(metadata).default_demand if metadata.is_file() else None
-
-
-def _network_folders() -> list[Path]:
-    return sorted(entry.parent for entry in shipped_networks().glob(f"*/{METADATA_FILE}"))
-
-
-def shipped_networks() -> Path:
-    """Return the folder of the networks that come with the project: within the package, or beside it in a checkout."""
-    package = Path(__file__).parents[2]
-    installed = package / "networks"
-    return installed if installed.is_dir() else package.parent / "networks"
 
 
 def _from_elsewhere(path: Path, name: str) -> Network:

@@ -14,7 +14,6 @@ from harness.common.untrusted_files import read_toml
 from harness.storage.schema import DENSITY_RANGE
 from harness.truth.network.demand import Drivers, NetworkTable
 
-METADATA_FILE = "network.toml"
 # More than a lane can carry.
 MOST_VEH_PER_H = 5000.0
 SHORTEST_SECTION_M = 50.0

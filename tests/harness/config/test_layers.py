@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.running.resolve import resolve_run_config, write_config
-from harness.truth.network.network import shipped_networks
+from harness.truth.network.names import shipped_networks
 
 
 def test_later_layers_win(tmp_path):
@@ -114,7 +114,7 @@ def test_where_no_traffic_is_asked_for_the_networks_default_demand_is_driven():
 
 
 def test_a_network_that_names_no_default_demand_is_driven_at_thirty_vehicles_per_km_and_lane(tmp_path):
-    source = shipped_networks() / "us101"
+    source = shipped_networks()["us101"]
     text = (source / "network.toml").read_text()
     (tmp_path / "network.toml").write_text(text.replace('default_demand = "us101-0805"', ""))
     traffic = resolve_run_config(options={"net": str(tmp_path)}).traffic

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from harness.common.errors import InputError
-from harness.truth.network.network import available_networks, default_demand, load_network, shipped_networks
+from harness.truth.network.names import shipped_networks
+from harness.truth.network.network import available_networks, default_demand, load_network
 
 NAMES = ("curve", "interchange", "junction", "priority", "roundabout")
 
@@ -42,7 +43,7 @@ def test_nets_lists_them_by_the_length_of_their_lanes():
     ],
 )
 def test_a_wrong_entry_is_told_in_one_line(tmp_path, entry, wrong, told):
-    folder = shutil.copytree(shipped_networks() / "priority", tmp_path / "own")
+    folder = shutil.copytree(shipped_networks()["priority"], tmp_path / "own")
     file = folder / "network.toml"
     assert entry in file.read_text()
     file.write_text(file.read_text().replace(entry, wrong))
@@ -51,7 +52,7 @@ def test_a_wrong_entry_is_told_in_one_line(tmp_path, entry, wrong, told):
 
 
 def test_the_fingerprint_changes_with_the_buildings(tmp_path):
-    folder = shutil.copytree(shipped_networks() / "priority", tmp_path / "own")
+    folder = shutil.copytree(shipped_networks()["priority"], tmp_path / "own")
     before = load_network(str(folder)).fingerprint()
     buildings = folder / "priority.poly.xml"
     buildings.write_text(buildings.read_text().replace("8.00,9.00", "8.50,9.00"))
