@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, step_in_place
+from mmpf.motion.protocol import AroundAnother, Surroundings, propagate_by_rewriting, step_in_place
 from mmpf.numerics.arrays import FloatArray
 
 DOUBT = -1
@@ -20,24 +20,12 @@ REDRAWN_PER_S = 0.2
 
 
 @dataclass(frozen=True)
-class Doubting:
+class Doubting(AroundAnother):
     """A motion model with a latent doubt of the leader; see ``mmpf.motion.protocol.MotionModel``.
 
     Attributes:
         inner: How a vehicle moves.
     """
-
-    inner: MotionModel
-
-    @property
-    def name(self) -> str:
-        """Name of the model within."""
-        return self.inner.name
-
-    @property
-    def latent_size(self) -> int:
-        """The inner model's rows and one."""
-        return self.inner.latent_size + 1
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the inner model's latents, and doubts evenly from 0 to 1."""

@@ -7,12 +7,13 @@ different ways at a junction are hypotheses about its route, which the detection
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneColumns, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
-from mmpf.motion.protocol import MotionModel, Surroundings, propagate_by_rewriting, step_in_place
+from mmpf.motion.protocol import AroundAnother, Surroundings, propagate_by_rewriting, step_in_place
 from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.motion.turning import lane_speeds, turning_driver
@@ -71,7 +72,7 @@ class AroundOnGraph(Surroundings):
 
 
 @dataclass(frozen=True)
-class LaneFollowing:
+class LaneFollowing(AroundAnother):
     """A motion model on a lane graph; see ``mmpf.motion.protocol.MotionModel``.
 
     Positions of the state are x and y; speeds and accelerations are along and across the particle's own lane.
@@ -82,19 +83,9 @@ class LaneFollowing:
         drift_std: How far what stands drifts with the ego's own place, metres per root second.
     """
 
-    inner: MotionModel
+    own_rows: ClassVar[int] = GUIDANCE_SIZE
     graph: LaneGraph
     drift_std: float = 0.0
-
-    @property
-    def name(self) -> str:
-        """Name of the model within."""
-        return self.inner.name
-
-    @property
-    def latent_size(self) -> int:
-        """The inner model's rows and four of guidance."""
-        return self.inner.latent_size + GUIDANCE_SIZE
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the inner model's latents, and for each particle one of the lanes beside it, near ones rather than far.

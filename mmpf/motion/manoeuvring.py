@@ -17,7 +17,7 @@ from scipy.special import ndtri
 
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2, move_along
 from mmpf.motion.protocol import (
-    MotionModel,
+    AroundAnother,
     Surroundings,
     propagate_by_rewriting,
     step_in_place,
@@ -35,7 +35,7 @@ HOLDS = -1
 
 
 @dataclass(frozen=True)
-class Manoeuvring:
+class Manoeuvring(AroundAnother):
     """A motion model whose vehicles at times do something else; see ``mmpf.motion.protocol.MotionModel``.
 
     Attributes:
@@ -46,21 +46,10 @@ class Manoeuvring:
         accel_std_mps2: Standard deviation of its acceleration around the present one.
     """
 
-    inner: MotionModel
     begin_per_s: float
     true_per_s: float
     mean_s: float
     accel_std_mps2: float
-
-    @property
-    def name(self) -> str:
-        """Name of the model within."""
-        return self.inner.name
-
-    @property
-    def latent_size(self) -> int:
-        """The inner model's rows and one."""
-        return self.inner.latent_size + 1
 
     @property
     def rows_tried(self) -> tuple[int, ...]:

@@ -8,13 +8,14 @@ has (``mmpf.motion.lane_following``), so that whoever reads lanes or directions 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, TURNING_STD, LaneFollowing, turn_of
-from mmpf.motion.protocol import MotionModel, Surroundings, without_limits
+from mmpf.motion.protocol import AroundAnother, MotionModel, Surroundings, without_limits
 from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
@@ -22,7 +23,7 @@ from mmpf.scan import BodyHeadings
 
 
 @dataclass(frozen=True)
-class OffMapMotion:
+class OffMapMotion(AroundAnother):
     """A motion model in the plane; see ``mmpf.motion.protocol.MotionModel``.
 
     Positions of the state are x and y; speeds and accelerations are along and across the particle's direction.
@@ -33,19 +34,9 @@ class OffMapMotion:
         drift_std: How far what stands drifts with the ego's own place, metres per root second.
     """
 
-    inner: MotionModel
+    own_rows: ClassVar[int] = GUIDANCE_SIZE
     turning_std: float = 0.0
     drift_std: float = 0.0
-
-    @property
-    def name(self) -> str:
-        """Name of the model within."""
-        return self.inner.name
-
-    @property
-    def latent_size(self) -> int:
-        """The inner model's rows and four of guidance."""
-        return self.inner.latent_size + GUIDANCE_SIZE
 
     def draw_latents(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Draw the inner model's latents, and any direction."""

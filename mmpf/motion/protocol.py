@@ -224,6 +224,29 @@ class BuildsOnAnother(Protocol):
     inner: MotionModel
 
 
+@dataclass(frozen=True)
+class AroundAnother:
+    """What motion models share that are built around another one: its name, and its latents before their own.
+
+    Attributes:
+        inner: The model within.
+        own_rows: How many rows of latents follow those of the model within.
+    """
+
+    inner: MotionModel
+    own_rows: ClassVar[int] = 1
+
+    @property
+    def name(self) -> str:
+        """Name of the model within."""
+        return self.inner.name
+
+    @property
+    def latent_size(self) -> int:
+        """Rows of the model within, and its own."""
+        return self.inner.latent_size + self.own_rows
+
+
 def spreads_speed(motion: MotionModel) -> bool:
     """Return whether the model says that its own draws spread the longitudinal speed as widely as vehicles' speeds do.
 
