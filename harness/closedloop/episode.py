@@ -6,10 +6,10 @@ snapshot only when the tracks of the last have been watched, and by then the dri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -53,29 +53,20 @@ from harness.truth.sumo.session import sumo_errors_in_words
 from mmpf.tracks import Tracks
 from mmpf.undetected.intensity import Unseen
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 SENSOR, TRACKER = range(2)
 """Streams of an episode's randomness; none depends on the belief."""
 WithStops = Callable[[Belief], Belief]
 """What becomes of a belief on the way to where the ego must yield."""
 
 
-@dataclass(frozen=True)
-class EpisodeResult:
-    """An episode that ended: its row's tables ``episode`` and ``drive``, and what was recorded, by file.
+def run_episode(
+    traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive
+) -> tuple[dict[str, dict[str, Any]], Evaluated | None]:
+    """Drive an episode from its start, at which the simulation stands; the simulation is used up.
 
-    ``evaluated`` has the scores of one that ended in a collision; None of others.
+    Returns:
+        The tables ``episode`` and ``drive`` of its row, and the scores of one that ended in a collision, else None.
     """
-
-    table: dict[str, dict[str, Any]]
-    tables: Mapping[str, pd.DataFrame]
-    evaluated: Evaluated | None
-
-
-def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -> EpisodeResult:
-    """Drive an episode from its start, at which the simulation stands; the simulation is used up."""
     config, seed = planned.config, planned.config.seed
     stream = np.random.SeedSequence(seed, spawn_key=(STREAMS[at.kind],))
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
@@ -118,10 +109,7 @@ def run_episode(traffic: LiveTraffic, at: EpisodeStart, planned: PlannedDrive) -
     if at.seen_before is not None:
         episode["seen_before"] = float(at.seen_before)
     table = {"episode": episode, "drive": drove}
-    if loop.ended != BY_COLLISION:
-        return EpisodeResult(table, evaluation.recorded(), None)
-    evaluated = evaluation.finish()
-    return EpisodeResult(table, evaluated.tables, evaluated)
+    return table, evaluation.finish() if loop.ended == BY_COLLISION else None
 
 
 @dataclass

@@ -171,13 +171,13 @@ def _driven(traffic: LiveTraffic, at: EpisodeStart, run: PlannedDrive, keep_in: 
     try:
         _rehearse(traffic, at, run)
         report(Started(STEPPING, run.key))
-        result = in_fork(lambda: run_episode(traffic, at, run))
-        if result.evaluated is not None and keep_in is not None:
-            metrics = result.evaluated.metrics(run.config, result.table, sum(result.evaluated.times.tracker_s))
+        table, evaluated = in_fork(lambda: run_episode(traffic, at, run))
+        if evaluated is not None and keep_in is not None:
+            metrics = evaluated.metrics(run.config, table, sum(evaluated.times.tracker_s))
             # No ``run`` makes it again, since the ego was driven by a belief.
-            write_run(keep_in / run.key, result.evaluated, metrics, run.config, f"harness drive: episode {run.key}")
+            write_run(keep_in / run.key, evaluated, metrics, run.config, f"harness drive: episode {run.key}")
         # What took how long would make every table another.
-        return finished_row(run, result.table, 0.0) | {"total_s": None}
+        return finished_row(run, table, 0.0) | {"total_s": None}
     except Exception as error:
         return failed_row(run, _reason(error), perf_counter() - begin, error)
 

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.closedloop import worker
-from harness.closedloop.episode import run_episode
+from harness.closedloop import episode, worker
 from harness.closedloop.episode_start import EpisodeStart
 from harness.closedloop.plan import BRAKE, CROSS, DARK, FREE, STOPPED, DriveRequest, plan_drives
 from harness.commands.actions.make_drives import make_drives
@@ -18,6 +17,7 @@ from harness.common import files
 from harness.common.errors import InputError, RunError
 from harness.decisions.drivers.protocol import Command
 from harness.grid.worker import Finished
+from harness.running.evaluate import evaluation_of
 from harness.scoring.metrics.closedloop import COLLIDED
 from harness.storage import run_folder as runfolder
 from harness.storage.run_folder import read_table
@@ -54,6 +54,20 @@ def made(out, **options):
     return make_drives({"out": out, **SMALL, **options}, "test", quiet=True).folder
 
 
+def driven(traffic, at, run):
+    """Drive an episode in a fork; return the tables of its row, and those that were recorded."""
+    evaluations = []
+
+    def kept(config, snapshots):
+        evaluations.append(evaluation_of(config, snapshots))
+        return evaluations[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(episode, "evaluation_of", kept)
+        table, evaluated = episode.run_episode(traffic, at, run)
+    return table, evaluations[0].recorded() if evaluated is None else evaluated.tables
+
+
 @pytest.mark.slow
 def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_its_own_way():
     cell = plan_drives(DriveRequest("truth,detections", 1, seed=100, density=30.0)).cells[0]
@@ -61,7 +75,7 @@ def test_every_belief_begins_with_the_same_traffic_and_detections_and_then_goes_
     with worker.opened(cell) as traffic:
         at = next(worker._episodes(traffic, cell))
         for run in cell.runs:
-            tables[run.variant] = worker.in_fork(lambda run=run: run_episode(traffic, at, run)).tables
+            tables[run.variant] = worker.in_fork(lambda run=run: driven(traffic, at, run))[1]
     whole = tables["truth"][runfolder.TRUTH]
     assert whole["step"].max() > LAST_TRACKED
     for name, other in tables.items():
@@ -192,17 +206,17 @@ def test_who_knows_the_truth_stops_behind_a_vehicle_that_stands_in_flowing_traff
 
 
 def provoked(kind, **asked):
-    """Drive the provoked episode of one seed by the truth; return its result and the vehicle that is provoked."""
+    """Drive the provoked episode of one seed by the truth; return as ``driven`` does, and the provoked vehicle."""
     cell = plan_drives(DriveRequest("truth", 2, seed=101, provoke=kind, **asked)).cells[0]
     with worker.opened(cell) as traffic:
         at = next(at for at in worker._episodes(traffic, cell) if isinstance(at, EpisodeStart) and at.kind == kind)
         run = next(run for run in cell.runs if run.kind == kind)
-        return worker.in_fork(lambda: run_episode(traffic, at, run)), at.provoked
+        return *worker.in_fork(lambda: driven(traffic, at, run)), at.provoked
 
 
 @pytest.mark.slow
 def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_the_way():
-    truth = provoked(STOPPED, flow=20.0)[0].tables[runfolder.TRUTH]
+    truth = provoked(STOPPED, flow=20.0)[1][runfolder.TRUTH]
     its = truth[truth["vehicle_id"] == "broken_ahead"]
     assert its["step"].min() == LAST_TRACKED + 1
     assert its["speed_mps"].max() == 0.0
@@ -217,11 +231,11 @@ def test_the_stopped_vehicle_comes_into_range_stands_and_is_in_plain_view_all_th
 
 @pytest.mark.slow
 def test_a_dark_leader_is_detected_in_a_third_of_the_scans_and_brakes_to_a_stop():
-    result, leader = provoked(DARK, density=30.0)
-    truth, detections = result.tables[runfolder.TRUTH], result.tables[runfolder.DETECTIONS]
+    table, recorded, leader = provoked(DARK, density=30.0)
+    truth, detections = recorded[runfolder.TRUTH], recorded[runfolder.DETECTIONS]
     its = truth[truth["vehicle_id"] == leader]
     seen = detections["step"][detections["truth_id"] == leader].nunique()
     assert its["visible_fraction"][its["step"] <= LAST_TRACKED].min() > 0.7
     assert its["speed_mps"].min() == 0.0
     assert 0.2 < seen / len(its) < 0.5
-    assert result.table["drive"]["collided_percent"] == 0.0
+    assert table["drive"]["collided_percent"] == 0.0
