@@ -43,6 +43,12 @@ def grid_folder(folder: Path, seeds=range(10), model="cvm", densities=(20.0,), f
     return str(folder)
 
 
+def edited(folder: str, change) -> str:
+    """Change the table of runs of a grid's folder, and return the folder."""
+    change(pd.read_parquet(f"{folder}/runs.parquet")).to_parquet(f"{folder}/runs.parquet")
+    return folder
+
+
 def compared(a: str, b: str, tolerance: float = 0.02) -> Judgement:
     return compare(open_source(a, "compare"), open_source(b, "compare"), Rules(tolerance))
 
@@ -111,11 +117,11 @@ def test_want_of_data_is_undecided_with_a_code_of_its_own_and_says_what_would_de
 
 
 def test_the_time_of_a_step_is_judged_as_a_ratio_within_one_stress_test_only(tmp_path):
-    folder = grid_folder(tmp_path / "a")
-    rows = pd.read_parquet(tmp_path / "a" / "runs.parquet")
-    slow = rows.assign(model="gmm", **{"timing.tracker_ms.p50": 15.0 + 0.1 * rows["seed"]})
-    both = pd.concat([rows.assign(**{"timing.tracker_ms.p50": 10.0}), slow], ignore_index=True)
-    both.to_parquet(tmp_path / "a" / "runs.parquet")
+    def both(rows: pd.DataFrame) -> pd.DataFrame:
+        slow = rows.assign(model="gmm", **{"timing.tracker_ms.p50": 15.0 + 0.1 * rows["seed"]})
+        return pd.concat([rows.assign(**{"timing.tracker_ms.p50": 10.0}), slow])
+
+    folder = edited(grid_folder(tmp_path / "a"), both)
     (time,) = (one for one in compared(f"{folder}@mmpf cvm", f"{folder}@mmpf gmm").verdicts if "timing" in one.metric)
     assert (time.a, time.verdict) == (1.0, WORSE)
     assert time.b == pytest.approx(1.545)
@@ -127,29 +133,22 @@ def test_the_time_of_a_step_is_judged_as_a_ratio_within_one_stress_test_only(tmp
 
 @pytest.mark.parametrize("column", ["mismatch", "replay"])
 def test_runs_of_other_mismatches_or_recordings_with_the_same_seed_are_other_pairs(column, tmp_path):
-    folders = []
-    for name, first in (("a", 1.0), ("b", 2.0)):
-        parts = []
-        for world, hota in (("one", first), ("two", 1.0)):
-            part = Path(grid_folder(tmp_path / f"{name}-{world}", mot__hota=lambda seed, hota=hota: hota))
-            parts.append(pd.read_parquet(part / "runs.parquet").assign(**{column: world}))
-        folders.append(grid_folder(tmp_path / name))
-        pd.concat(parts, ignore_index=True).to_parquet(tmp_path / name / "runs.parquet")
+    def of_two(first: float):
+        worlds = [{column: "one", "mot.hota": first}, {column: "two", "mot.hota": 1.0}]
+        return lambda rows: pd.concat([rows.assign(**world) for world in worlds])
+
+    folders = [edited(grid_folder(tmp_path / name), of_two(first)) for name, first in (("a", 1.0), ("b", 2.0))]
     verdict = next(one for one in compared(*folders).verdicts if one.metric == "mot.hota")
     assert (verdict.pairs, verdict.a, verdict.b) == (20, 1.0, 1.5)
 
 
 def test_settings_that_were_varied_tell_runs_apart(tmp_path):
-    folders = []
-    for name, shift in (("a", 0.0), ("b", 1.0)):
-        folder = grid_folder(tmp_path / name, range(4), vary=("sensor.range_m=40,80", "tracker.particles = 50,100"))
-        table = pd.read_parquet(f"{folder}/runs.parquet")
-        parts = [
-            table.assign(**{"sensor.range_m": reach, "tracker.particles": 50, "mot.hota": hota + shift})
-            for reach, hota in ((40.0, 10.0), (80.0, 90.0))
-        ]
-        pd.concat(parts, ignore_index=True).to_parquet(f"{folder}/runs.parquet")
-        folders.append(folder)
+    def in_range(shift: float):
+        near, far = ({"sensor.range_m": m, "mot.hota": hota + shift} for m, hota in ((40.0, 10.0), (80.0, 90.0)))
+        return lambda rows: pd.concat([rows.assign(**near), rows.assign(**far)]).assign(**{"tracker.particles": 50})
+
+    axes = {"vary": ("sensor.range_m=40,80", "tracker.particles = 50,100")}
+    folders = [edited(grid_folder(tmp_path / f"{m}", range(4), **axes), in_range(m)) for m in (0.0, 1.0)]
     assert open_source(folders[0], "compare").axes == ("sensor.range_m", "tracker.particles")
     verdict = next(one for one in compared(*folders).verdicts if one.metric == "mot.hota")
     assert (verdict.pairs, verdict.difference) == (8, pytest.approx(1.0))
@@ -166,14 +165,6 @@ def test_the_command_exits_with_one_on_a_regression_and_writes_both_forms(tmp_pa
     assert printed["outcome"] == "worse"
     assert run_command_line(["compare", a, b, "--quiet", "--tolerance", "0.9"]) == 0
     assert run_command_line(["compare", b, a, "--quiet"]) == 0
-
-
-def edited(folder: str, change) -> str:
-    """Return a copy of a grid's folder whose table of runs was changed."""
-    copy = Path(folder).with_name(f"{Path(folder).name}-edited")
-    shutil.copytree(folder, copy)
-    change(pd.read_parquet(copy / "runs.parquet")).to_parquet(copy / "runs.parquet")
-    return str(copy)
 
 
 def without_metrics(table: pd.DataFrame) -> pd.DataFrame:
@@ -199,7 +190,7 @@ HOPELESS = {
 @pytest.mark.parametrize("change", HOPELESS.values(), ids=HOPELESS.keys())
 def test_what_is_hopeless_is_undecided_and_never_passes(change, tmp_path, capsys):
     a = grid_folder(tmp_path / "a")
-    b = edited(a, change)
+    b = edited(grid_folder(tmp_path / "b"), change)
     assert run_command_line(["compare", a, b, "--json"]) == exit_codes.UNDECIDED
     told = capsys.readouterr()
     assert "No worse" not in told.err
@@ -217,16 +208,15 @@ def test_a_chosen_metric_that_neither_side_has_is_undecided(tmp_path):
 
 @pytest.mark.parametrize("cell", [{"succeeded": 0.5}, {"seed": -1}, {"variant": None}, {"density": -20.0}], ids=str)
 def test_a_row_that_is_of_no_run_is_refused_in_one_line(cell, tmp_path, refused):
-    a = grid_folder(tmp_path / "a")
-    assert next(iter(cell)) in refused("compare", a, edited(a, lambda table: table.assign(**cell)))
+    a, b = (grid_folder(tmp_path / name) for name in "ab")
+    assert next(iter(cell)) in refused("compare", a, edited(b, lambda table: table.assign(**cell)))
 
 
 def test_a_tracker_whose_runs_all_failed_does_not_vanish_unseen(tmp_path):
-    a = grid_folder(tmp_path / "a")
-    both = edited(a, lambda table: pd.concat([table, table.assign(model="gmm")]))
-    whole = str(shutil.move(both, tmp_path / "whole"))
-    lost = edited(whole, lambda table: table.assign(succeeded=table["model"] == "cvm"))
-    gone = str(shutil.move(edited(a, lambda table: table), tmp_path / "gone"))
+    whole, lost, gone = (grid_folder(tmp_path / name) for name in ("whole", "lost", "gone"))
+    for folder in (whole, lost):
+        edited(folder, lambda table: pd.concat([table, table.assign(model="gmm")]))
+    edited(lost, lambda table: table.assign(succeeded=table["model"] == "cvm"))
     assert run_command_line(["compare", whole, whole, "--quiet"]) == exit_codes.DONE
     for b in (lost, gone):
         comparison = compared(whole, b)
@@ -236,8 +226,8 @@ def test_a_tracker_whose_runs_all_failed_does_not_vanish_unseen(tmp_path):
 
 
 def test_an_older_baseline_without_a_metric_does_not_stop_the_others(tmp_path):
-    b = grid_folder(tmp_path / "b")
-    older = edited(b, lambda table: table.drop(columns="mae.hidden.lon_m"))
+    a, b = (grid_folder(tmp_path / name) for name in "ab")
+    older = edited(a, lambda table: table.drop(columns="mae.hidden.lon_m"))
     assert run_command_line(["compare", older, b, "--quiet"]) == exit_codes.DONE
 
 

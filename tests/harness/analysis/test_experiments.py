@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from harness.analysis.compare import compare
@@ -16,19 +15,13 @@ from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.common.errors import InputError
 from harness.storage.manifest import hashes_of
-from tests.harness.analysis.test_compare import compared, grid_folder, wobbling
+from tests.harness.analysis.test_compare import compared, edited, grid_folder, wobbling
 
 MANIFEST = {"code_sha256": {"mmpf": "1a" * 32, "my_kf": "2b" * 32}, "inputs_sha256": {"model.npz": "3c" * 32}}
 
 
 def with_grid(folder: str, **table) -> str:
     (Path(folder) / "grid.json").write_text(json.dumps({"vary": []} | table))
-    return folder
-
-
-def edited(folder: str, change) -> str:
-    table = pd.read_parquet(Path(folder) / "runs.parquet")
-    change(table).to_parquet(Path(folder) / "runs.parquet")
     return folder
 
 
