@@ -22,6 +22,7 @@ from harness.scoring.metrics.closedloop import COLLIDED
 from harness.storage import run_folder as runfolder
 from harness.storage.run_folder import read_table
 from mmpf.registry import UnknownNameError
+from tests.harness.grid.executors import InProcess
 
 LAST_TRACKED = 50
 SMALL = {"density": 15.0, "perception": "truth,detections", "episodes": 2, "seed": 100, "workers": 1}
@@ -40,12 +41,7 @@ def here(monkeypatch, no_pictures):
     """Drive in this process instead of workers, which take seconds to start, and draw nothing."""
 
     def in_turn(cells, workers, timeout_s, on_row, module):
-        def take(message):
-            if isinstance(message, Finished):
-                on_row(message.key, message.row)
-
-        for cell in cells:
-            worker.work_on_cell(cell, take)
+        InProcess(work=worker.work_on_cell)(cells, on_row)
 
     monkeypatch.setattr("harness.closedloop.drive.run_cells", in_turn)
 

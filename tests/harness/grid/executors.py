@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -18,10 +19,10 @@ METRICS = {"mot": {"hota": 80.0}, "occlusion": {"same_id": 30.0, "events": 40.0}
 
 
 class InProcess:
-    """Runs cells here, one after the other, by default on stand-in traffic."""
+    """Runs cells here, one after the other, by default on stand-in traffic; ``work`` is done on each."""
 
-    def __init__(self, open_snapshots: OpenSnapshots = STEADY) -> None:
-        self.open_snapshots = open_snapshots
+    def __init__(self, open_snapshots: OpenSnapshots = STEADY, work=None) -> None:
+        self.work = work or partial(work_on_cell, open_snapshots=open_snapshots)
 
     def __call__(self, cells, on_row) -> None:
         def report(message) -> None:
@@ -29,7 +30,7 @@ class InProcess:
                 on_row(message.key, message.row)
 
         for cell in cells:
-            work_on_cell(cell, report, self.open_snapshots)
+            self.work(cell, report)
 
 
 class MadeUp:

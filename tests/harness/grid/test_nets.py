@@ -14,13 +14,11 @@ from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.grid.stress import run_stress
-from harness.grid.worker import Finished, work_on_cell
 from harness.report.folder_page import folder_page
 from harness.report.grid_runs import plan_of
 from harness.storage.schema import NET
 from tests.harness.analysis.test_curves import rows
-from tests.harness.grid.executors import ECHO, MadeUp
-from tests.harness.stand_ins import SteadyTraffic, observing
+from tests.harness.grid.executors import ECHO, STEADY, InProcess, MadeUp
 
 SMALL = GridRequest(net=None, nets="curve,junction", seeds="2", trackers=ECHO, duration_s=1.0)
 
@@ -82,26 +80,17 @@ def test_over_densities_no_mean_is_taken_over_networks():
     ]  # fmt: skip
 
 
-def in_process(cells, on_row) -> None:
-    """Run cells here, on stand-in traffic; there is none for seed 1 on the junction."""
-
-    def report(message) -> None:
-        if isinstance(message, Finished):
-            on_row(message.key, message.row)
-
-    for cell in cells:
-        there_is_none = (cell.config.traffic.net, cell.config.seed) == ("junction", 1)
-        work_on_cell(cell, report, _no_traffic if there_is_none else observing(SteadyTraffic(steps=8)))
-
-
-def _no_traffic(config):
-    raise OSError("nothing drives there")
+def open_others(config):
+    """Open stand-in traffic; there is none for seed 1 on the junction."""
+    if (config.traffic.net, config.seed) == ("junction", 1):
+        raise OSError("nothing drives there")
+    return STEADY(config)
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("nets") / "grid"
-    run_stress(SMALL, folder, in_process)
+    run_stress(SMALL, folder, InProcess(open_others))
     return folder
 
 
@@ -144,7 +133,7 @@ def test_a_grid_of_networks_is_taken_up_with_one_more(tmp_path):
 @pytest.mark.slow
 def test_two_such_grids_are_compared_network_by_network(finished, tmp_path):
     other = tmp_path / "other"
-    run_stress(GridRequest(**{**SMALL.as_table(), "nets": "junction,curve"}), other, in_process)
+    run_stress(GridRequest(**{**SMALL.as_table(), "nets": "junction,curve"}), other, InProcess(open_others))
     compared = compare(Grid(finished), Grid(other))
     judged = compared.verdicts[compared.verdicts["metric"] == "mot.hota"]
     # Two seeds on the curve and one on the junction, each with itself.
