@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple
 
 from harness.config.layers import leaves, put
@@ -36,14 +37,7 @@ class Range(NamedTuple):
 Choices = tuple[Value, ...]
 Space = Mapping[str, Range | Choices]
 
-
-def _log_range(low: float, high: float) -> Range:
-    return Range(low, high, log=True)
-
-
-def _integer_range(low: int, high: int) -> Range:
-    return Range(low, high, whole=True)
-
+_log_range, _integer_range = partial(Range, log=True), partial(Range, whole=True)
 
 _MOTION: Space = {"lon_noise": _log_range(0.1, 10.0), "lat_noise": _log_range(0.01, 1.0)}
 _NOISE: Space = {**_MOTION, "noise_factor": _log_range(0.5, 2.5)}
