@@ -23,8 +23,9 @@ def typer_command(command: Callable[..., Outcome]) -> Callable[..., Outcome]:
     """Return what typer takes for a command of a table of options."""
 
     def called(**values: object) -> Outcome:
-        if values.get("net") is not None:
-            check_network(str(values["net"]))
+        # Training may take a list of networks.
+        if (net := values.get("net")) is not None and "," not in str(net):
+            check_network(str(net))
         return command(values) if values else command()
 
     parameters = [_parameter(name, entry) for name, entry in _entries(command).items()]
@@ -68,7 +69,8 @@ def _parameter(name: str, entry: Declared) -> inspect.Parameter:
     reader = {"parser": _reader(kind, option.least, option.most)} if kind in (int, float) else {}
     shared: dict[str, Any] = reader | {
         "help": option.help,
-        "metavar": option.metavar,
+        # A flag takes no value, so none is shown.
+        "metavar": "" if kind is bool else option.metavar,
         "rich_help_panel": option.panel,
         "min": option.least,
         "max": option.most,

@@ -132,6 +132,13 @@ def test_nets_lists_networks_and_demands_for_people_and_programs(capsys):
     assert "us101" in {network["name"] for network in json.loads(out)}
 
 
+def test_a_misspelt_network_is_refused_before_anything_slow_is_imported():
+    call = "from harness.commands.app import run_command_line as call; call(['run', '--net', 'us102'])"
+    code = f"import sys; {call}; print(sorted({{'numpy', 'pandas', 'matplotlib'}} & set(sys.modules)))"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (answer.stdout, "--net us102: no such network" in answer.stderr) == ("[]\n", True)
+
+
 @pytest.mark.slow
 def test_json_is_all_that_is_on_stdout(tmp_path):
     command = ["run", "--density", "5", "--duration", "1", "--particles", "50", "--json"]

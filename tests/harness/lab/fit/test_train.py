@@ -25,6 +25,7 @@ from mmpf.motion.learned.short_driver import SHORT
         (["--seeds", "5:5"], "a range A:B"),
         (["--net", "nowhere"], "nowhere"),
         (["--case", "turning", "--net", "us101"], "--net us101: give networks in the plane"),
+        (["--case", "turning", "--net", "junction,us102"], "--net us102: no such network"),
         (["--densities", "20,200"], "--densities 200: give 5 to 65"),
         (["--densities", "20,20"], "a value stands there twice"),
         (["--case", "turning", "--duration", "60"], "takes the demands of its networks"),
