@@ -17,6 +17,7 @@ from harness.analysis.rules import PRIMARY, STEP_TIME, Rules, compared_quantitie
 from harness.analysis.sources import SETTING, Source
 from harness.analysis.verdicts import NO_WORSE, TOO_FEW, UNDECIDED, UNTESTED, WORSE, Verdict, judge
 from harness.analysis.why import Why
+from harness.common.error_text import nearest
 from harness.common.errors import InputError
 from harness.common.numbers import without_nan
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
@@ -224,7 +225,8 @@ def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
     known = {quantity.key: quantity for quantity in compared_quantities(closed_loop=closed_loop)}
     for key in rules.primary:
         if key not in known:
-            raise InputError(f"`primary` {key}: no such metric is compared; choose of {', '.join(known)}")
+            told = nearest(key, list(known), "docs/reference/metrics.md lists them")
+            raise InputError(f"`primary` {key}: no such metric is compared{told}")
         rules.limit(known[key]).check(known[key])
     return rules
 

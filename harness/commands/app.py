@@ -176,7 +176,7 @@ def application(called: str | None) -> typer.Typer:
 
 
 def _without_command(
-    context: typer.Context, version: bool = typer.Option(False, "--version", help="Print the version.")
+    context: typer.Context, version: bool = typer.Option(False, "--version", metavar="", help="Print the version.")
 ) -> None:
     if version:
         from importlib.metadata import version as installed_version  # noqa: PLC0415

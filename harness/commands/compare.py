@@ -15,8 +15,8 @@ class Options(TypedDict):
     folders: Annotated[
         list[str] | None,
         Option(
-            "Folders of runs, stress tests or drives; one tracker of a grid as FOLDER@LABEL.",
-            metavar="A [B]",
+            "A and B: folders of runs, stress tests or drives; one tracker of a grid as FOLDER@LABEL.",
+            metavar="FOLDER",
             is_argument=True,
         ),
     ]

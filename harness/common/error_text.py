@@ -20,7 +20,7 @@ MOST_NAMED = 8
 PACKAGES = {"harness", "mmpf"}
 
 
-def nearest(key: str, known: Sequence[str]) -> str:
+def nearest(key: str, known: Sequence[str], listed: str = "`python -m harness settings` lists them") -> str:
     """Return what may have been meant by a key that there is none of, or some of those that there are."""
     leaf = key.rsplit(".", 1)[-1]
     leaves = {name.rsplit(".", 1)[-1]: name for name in reversed(known)}
@@ -30,7 +30,7 @@ def nearest(key: str, known: Sequence[str]) -> str:
     if near:
         return f"; did you mean {' or '.join(near[:3])}?"
     more = f" and {len(known) - MOST_NAMED} more" if len(known) > MOST_NAMED else ""
-    return f"; known are {', '.join(known[:MOST_NAMED])}{more}; `python -m harness settings` lists them"
+    return f"; known are {', '.join(known[:MOST_NAMED])}{more}; {listed}"
 
 
 class Problem(NamedTuple):
