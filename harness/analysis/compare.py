@@ -21,7 +21,7 @@ from harness.common.error_text import nearest
 from harness.common.errors import InputError
 from harness.common.numbers import without_nan
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
-from harness.scoring.metrics.hidden_cost import COST, FALSE_HIDDEN
+from harness.scoring.metrics.hidden_cost import COST, CRPS, FALSE_HIDDEN
 from harness.storage.grid_folder import column_of
 from harness.storage.manifest import unproven
 from harness.storage.run_folder import COMPLETE
@@ -291,12 +291,12 @@ def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:
 
 
 def _guesses(verdicts: tuple[Verdict, ...]) -> list[str]:
-    """Return where the hidden cost, which is judged, falls while false hidden tracks, which are not, increase."""
-    fallen = {each.label for each in verdicts if each.metric == COST and each.primary and each.ci95[1] < 0.0}
+    """Return where a judged score of hidden vehicles falls while false hidden tracks, not judged, increase."""
+    fallen = {each.label for each in verdicts if each.metric in (COST, CRPS) and each.primary and each.ci95[1] < 0.0}
     unjudged = [each for each in verdicts if each.metric == FALSE_HIDDEN and not each.primary]
     # In a single run nothing is known of its scatter.
     more = [each for each in unjudged if (each.difference if np.isnan(each.ci95[0]) else each.ci95[0]) > each.margin]
-    told = "b's hidden cost is smaller, and it has more false hidden tracks: guesses lower this cost."
+    told = "b's hidden cost or hidden CRPS is smaller, and it has more false hidden tracks: guesses lower both."
     return [f"{each.label}: {told}" for each in more if each.label in fallen]
 
 

@@ -64,13 +64,14 @@ def wobbling(mean: float, seed_of_noise: int = 0):
     return lambda seed: noise[seed]
 
 
-def test_a_hidden_cost_that_falls_while_false_hidden_tracks_increase_decides_nothing(tmp_path):
+@pytest.mark.parametrize("score", ["hidden__hidden_cost_m", "hidden__hidden_crps_m"])
+def test_a_hidden_cost_that_falls_while_false_hidden_tracks_increase_decides_nothing(score, tmp_path):
     costs = {"a": (4.0, 1.0), "b": (3.0, 5.0), "c": (3.0, 0.5)}
     for name, values in costs.items():
         cost, false = (wobbling(value, place) for place, value in enumerate(values))
-        grid_folder(tmp_path / name, hidden__hidden_cost_m=cost, hidden__false_hidden_tracks_per_scan=false)
+        grid_folder(tmp_path / name, hidden__false_hidden_tracks_per_scan=false, **{score: cost})
     found = [compared(str(tmp_path / "a"), str(tmp_path / name)) for name in costs]
-    assert ["guesses lower this cost" in " ".join(each.reasons) for each in found] == [False, True, False]
+    assert ["guesses lower both" in " ".join(each.reasons) for each in found] == [False, True, False]
     assert [each.outcome for each in found] == [NO_WORSE, UNDECIDED, NO_WORSE]
 
 

@@ -88,7 +88,7 @@ def test_a_hidden_cost_that_falls_while_false_hidden_tracks_increase_is_noted(mo
     sides[1].rows["hidden.false_hidden_tracks_per_scan"] += more
     compared = compare(*sides, Rules(primary=("hidden.hidden_cost_m",)))
     assert [verdict.verdict for verdict in compared.primary] == ["better"]
-    assert ("guesses lower this cost" in " ".join(compared.notes)) == (more > 0.0)
+    assert ("guesses lower both" in " ".join(compared.notes)) == (more > 0.0)
 
 
 def test_what_only_the_first_run_has_is_wanting(sides, both):
