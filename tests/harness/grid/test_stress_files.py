@@ -215,12 +215,6 @@ def test_an_interrupted_grid_taken_up_again_equals_an_uninterrupted_one(whole, t
         assert rest.rows == 8 - stop
 
 
-def test_a_finished_grid_is_not_run_again(finished):
-    again = MadeUp()
-    grid(finished, execute=again, resume=True)
-    assert again.cells == []
-
-
 def test_runs_that_were_made_without_folders_are_told_of_where_folders_are_kept(finished):
     said: list[str] = []
     grid(finished, execute=keeping(MadeUp(), finished, said.append), resume=True)

@@ -20,14 +20,7 @@ BEYOND_THE_PUBLISHED_RULE = {
 }
 STARVES = pytest.mark.xfail(reason="components starve under the published rule", strict=True)
 # A baseline without memory can keep no identity.
-BEYOND_MEMORYLESS = {
-    "one_car_becomes_one_confirmed_track",
-    "identities_stay_with_their_cars",
-    "identities_stay_on_a_bend",
-    "identities_stay_at_a_crossing",
-}
-
-
+BEYOND_MEMORYLESS = BEYOND_THE_PUBLISHED_RULE | {"one_car_becomes_one_confirmed_track"}
 ASKED_OF_ALL = {
     "tracks_are_well_formed",
     "identities_stay_with_their_cars",
