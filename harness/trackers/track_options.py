@@ -13,7 +13,7 @@ from harness.trackers.doubtful import DoubtfulOptions, DoubtingTracker
 from harness.trackers.plane import along_their_motion, is_in_plane, without_directions
 from harness.trackers.protocol import Tracker, TrackerFactory, TrackerSetting
 from mmpf.numerics.arrays import taken
-from mmpf.options.base import Positive, Settings, in_unit
+from mmpf.options.base import Positive, Probability, Settings, in_unit
 from mmpf.scan import Scan, check_scan
 from mmpf.tracks import Tracks
 
@@ -60,6 +60,23 @@ class RivalOptions(TrackOptions):
 
     longest_unseen_s: Positive = 5.0
     """A confirmed track without detections for longer ends."""
+
+
+class ExistenceOptions(RivalOptions):
+    """Settings of a filter that keeps an existence probability of each track."""
+
+    detection_probability: Probability | None = None
+    """Detection probability in plain view; None takes the sensor's."""
+    clutter_factor: Positive = 1.0
+    """Clutter density relative to the data sheet's."""
+    stay_s: Positive = 60.0
+    """Mean lifetime of a vehicle."""
+    reported_existence: Probability = 0.5
+    """Existence probability from which a track is reported."""
+    least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
+    """A track with a lower existence probability ends; in ``pmbm`` a hypothesis, at the latest with a tenth of a new
+    vehicle's.
+    """
 
 
 _Options = TypeVar("_Options", bound=TrackOptions)

@@ -27,7 +27,7 @@ from harness.trackers.rivals.pmbm.mixture import (
     updated_mixture,
     without,
 )
-from harness.trackers.track_options import RivalOptions, factory
+from harness.trackers.track_options import ExistenceOptions, factory
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray, taken
 from mmpf.options.base import Positive, Probability
@@ -48,21 +48,15 @@ _POINTS, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
 
-class PmbmOptions(RivalOptions):
+class PmbmOptions(ExistenceOptions):
     """Settings of the PMBM tracker."""
 
     gate_std: Positive = 4.5
     """A detection counts for a hypothesis within this many standard deviations."""
-    detection_probability: Probability | None = None
-    """Detection probability in plain view; None takes the sensor's."""
-    clutter_factor: Positive = 1.0
-    """Clutter density relative to the data sheet's."""
     score_weight: Probability = 0.0
     """Exponent of the odds that a detection's score gives; 0 ignores scores."""
     newcomer_share: Positive = 0.1
     """Expected detections of vehicles never detected before, relative to clutter."""
-    stay_s: Positive = 60.0
-    """Mean lifetime of a vehicle."""
     shadow_aware: bool = True
     """Whether a hypothesis behind another track's shadow is less likely to be detected."""
     hidden_probability: Probability = 0.02
@@ -71,10 +65,6 @@ class PmbmOptions(RivalOptions):
     """Size of a vehicle where sizes are not measured."""
     longest_unseen_s: Positive = 10.0
     """A confirmed hypothesis without detections for longer ends."""
-    reported_existence: Probability = 0.5
-    """Existence probability from which a track is reported."""
-    least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
-    """A hypothesis with a lower existence probability (or a tenth of a new vehicle's) is dropped."""
     alike_scans: Annotated[int, Field(ge=0, le=100)] = 5
     """Global hypotheses with identical assignments over this many scans are merged; 0 merges none.
     """
