@@ -38,20 +38,16 @@ def room_beside_seen_vehicles(
     ego, heading = plane.ego, np.append(moments.heading_rad[holds_place], plane.ego_turn_rad)
     if strength > 0.0:
         length, width = mixture.components.length_m[holds_place], mixture.components.width_m[holds_place]
-        _discount_overlaps(
-            mixture.cloud.state[LON],
-            mixture.cloud.state[LAT],
-            mixture.starts,
-            ~is_seen,
+        seen = (
             np.append(moments.mean[LON][holds_place], ego.lon_m),
             np.append(moments.mean[LAT][holds_place], ego.lat_m),
             np.cos(heading),
             np.sin(heading),
-            strength,
             SCALE_ALONG * np.append(length, ego.length_m),
             SCALE_ACROSS * np.append(width, ego.width_m),
-            factor,
         )
+        place = mixture.cloud.state[LON], mixture.cloud.state[LAT]
+        _discount_overlaps(*place, mixture.starts, ~is_seen, seen, strength, factor)
     return factor
 
 
@@ -61,15 +57,11 @@ def _discount_overlaps(
     lat: FloatArray,
     starts: IntArray,
     is_excluded: BoolArray,
-    seen_lon: FloatArray,
-    seen_lat: FloatArray,
-    cosine: FloatArray,
-    sine: FloatArray,
+    seen: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
     strength: float,
-    scale_lon: FloatArray,
-    scale_lat: FloatArray,
     factor: FloatArray,
 ) -> None:
+    seen_lon, seen_lat, cosine, sine, scale_lon, scale_lat = seen
     for m in range(len(starts) - 1):
         own_lon, own_lat = lon[starts[m] : starts[m + 1]], lat[starts[m] : starts[m + 1]]
         if not is_excluded[m] or len(own_lon) == 0:

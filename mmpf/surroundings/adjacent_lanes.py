@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,18 +17,17 @@ OWN, LEFT, RIGHT = range(3)
 SHOULDER_M = 1.0
 
 
-@dataclass(frozen=True)
-class LanesAround:
+class LanesAround(NamedTuple):
     """The lanes at each particle, struct of arrays.
 
     Attributes:
-        index: Indices of its own lane and of the ones to its left and right, rows ``OWN``, ``LEFT`` and ``RIGHT``,
+        lane: Indices of its own lane and of the ones to its left and right, rows ``OWN``, ``LEFT`` and ``RIGHT``,
             ``OFF_ROAD`` for none, shape (3, n).
         has_beside: Whether there is a lane to its left and to its right, shape (2, n).
         line_m: Lateral positions of its own lane's right and left line, nan off the road, shape (2, n).
     """
 
-    index: Int32Array
+    lane: Int32Array
     has_beside: BoolArray
     line_m: FloatArray
 
@@ -37,11 +36,10 @@ def lanes_around(lon_m: FloatArray, lat_m: FloatArray, road: CorridorRoad) -> La
     """Return the lanes at each particle; positions in metres, shape (n,)."""
     n = len(lon_m)
     around = LanesAround(np.empty((3, n), dtype=np.int32), np.empty((2, n), dtype=np.bool_), np.empty((2, n)))
-    left, right = _adjacent_lanes(road)
-    lanes = road.lane_table
+    beside, lanes = _adjacent_lanes(road), road.lane_table
 
     def find_lanes(begin: int, end: int) -> None:
-        _find_lanes(begin, end, lon_m, lat_m, lanes, left, right, around.index, around.has_beside, around.line_m)
+        _find_lanes(begin, end, lon_m, lat_m, lanes, beside, around)
 
     in_shares(find_lanes, n)
     return around
@@ -63,16 +61,14 @@ def _find_lanes(
     lon: FloatArray,
     lat: FloatArray,
     lanes: FloatArray,
-    left: IntArray,
-    right: IntArray,
-    lane: Int32Array,
-    has_lane: BoolArray,
-    lane_line: FloatArray,
+    beside: tuple[IntArray, IntArray],
+    around: LanesAround,
 ) -> None:
     """Write each particle's own lane, the ones to its left and right, whether there are any, and the own lines.
 
     A particle is mostly in the lane of the one before it, so lanes are looked up once for a run of particles.
     """
+    (left, right), (lane, has_lane, lane_line) = beside, around
     own, own_left, own_right = lane[OWN], lane[LEFT], lane[RIGHT]
     has_left, has_right = has_lane[0], has_lane[1]
     right_line, left_line = lane_line[0], lane_line[1]
