@@ -10,10 +10,11 @@ from mmpf.map.road import Road
 from mmpf.motion import motion_model
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
-from mmpf.scan import Detections, EgoPose, Scan, SensorModel
+from mmpf.scan import EgoPose, Scan, SensorModel
 from mmpf.tracker import MixtureTracker
 from mmpf.tracks import HIDDEN, Tracks
 from tests.mmpf.map.scenes import arc, graph_of
+from tests.mmpf.scenes import detections_at
 
 ARM_M, EDGE_M, SIDE_M, NOISE_M = 100.0, 8.0, 1.6, 0.15
 
@@ -89,8 +90,8 @@ def follow(model: str, unseen: tuple[float, float]) -> Iterator[tuple[float, Tra
         hidden = unseen[0] < time_s < unseen[1]
         places = np.array([place(name, time_s) for name in WAYS if not (hidden and name == "turning")])
         x, y = places.T + NOISE_M * rng.standard_normal(places.T.shape)
-        nothing, std = np.full(len(x), np.nan), np.full(len(x), NOISE_M)
-        yield time_s, tracker.step(Scan(time_s, Detections(x, y, nothing, std, std, nothing), ego))
+        found = detections_at(list(zip(x, y, strict=True)), NOISE_M, NOISE_M)
+        yield time_s, tracker.step(Scan(time_s, found, ego))
 
 
 @pytest.mark.parametrize("model", ["cvm", *(pytest.param(other, marks=pytest.mark.slow) for other in ("idm", "gmm"))])

@@ -12,7 +12,7 @@ from harness.trackers.track_options import TrackOptions, factory
 from mmpf.map.corridor_road import CorridorRoad, highway
 from mmpf.scan import Detections, EgoPose, Scan, SensorModel
 from mmpf.tracks import CONFIRMED, HIDDEN, TENTATIVE, Tracks
-from tests.mmpf.scenes import tracks_of
+from tests.mmpf.scenes import detections_at, ego_at, tracks_of
 
 EGO = EgoPose(0.0, 0.0, 0.0, 20.0, 4.7, 1.9)
 NOBODY = Detections(*[np.zeros(0)] * 6)
@@ -143,11 +143,8 @@ def test_every_rival_has_the_rule_as_an_option(name):
         for k in range(30):
             lon = np.array([*(220.0 + 20.0 * 0.1 * k + np.array([10.0, 25.0, -15.0])), 270.0])
             lat = np.array([*lateral, lateral[0] + 7.0])
-            found = Detections(
-                lon + 0.1 * rng.standard_normal(4), lat + 0.1 * rng.standard_normal(4), np.full(4, np.nan),
-                np.full(4, 0.2), np.full(4, 0.2), np.full(4, np.nan),
-            )  # fmt: skip
-            ego = EgoPose(220.0 + 2.0 * k, lateral[1] - 20.0, 0.0, 20.0, 4.7, 1.9)
+            noisy = np.stack([lon, lat]) + 0.1 * rng.standard_normal((2, 4))
+            found, ego = detections_at(noisy.T.tolist(), 0.2, 0.2), ego_at(220.0 + 2.0 * k, lateral[1] - 20.0)
             tracks = tracker.step(Scan(0.1 * k, found, ego))
         return tracks
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from mmpf import Detections, EgoPose, MixtureTracker, Scan, SensorModel, highway, motion_model
+from mmpf import MixtureTracker, Scan, SensorModel, highway, motion_model
 from mmpf.tracks import TENTATIVE
+from tests.mmpf.scenes import detections_at, ego_at
 
 FLOW_MPS, APPEARS_S = 20.0, 8.0
 FALSE_OBJECTS, FALSE_LIFE_S = 4, 2.0
@@ -40,10 +41,9 @@ def test_a_vehicle_that_appears_in_plain_view_is_reported(probability: float, wi
         newcomer = (ego_m + 25.0, lateral[1])
         if time_s >= APPEARS_S and rng.random() < probability:
             places.append(newcomer)
-        lon, lat = (np.array(places) + [0.25, 0.15] * rng.standard_normal((len(places), 2))).T
-        unknown, size = np.full(len(lon), np.nan), np.ones(len(lon))
-        detections = Detections(lon, lat, unknown, 0.3 * size, 0.18 * size, unknown)
-        tracks = tracker.step(Scan(time_s, detections, EgoPose(ego_m, lateral[2], 0.0, FLOW_MPS, 4.7, 1.9)))
+        noisy = np.array(places) + [0.25, 0.15] * rng.standard_normal((len(places), 2))
+        scan = Scan(time_s, detections_at(noisy.tolist(), 0.3, 0.18), ego_at(ego_m, lateral[2], FLOW_MPS))
+        tracks = tracker.step(scan)
         near = np.hypot(tracks.lon_m - newcomer[0], tracks.lat_m - newcomer[1]) < 3.0
         if reported_s is None and time_s >= APPEARS_S and (near & (tracks.state != TENTATIVE)).any():
             reported_s = time_s - APPEARS_S

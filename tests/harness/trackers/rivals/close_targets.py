@@ -24,6 +24,7 @@ from harness.trackers.rivals.pmbm.mixture import (
 )
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.scan import Detections
+from tests.mmpf.scenes import detections_at
 
 STEPS, TARGETS, SIDE_M = 81, 4, 300.0
 NOISE, SEEN, CLUTTER, SURVIVES, BORN, AT_FIRST = 0.02, 0.9, 10.0, 0.99, 0.005, 3.0
@@ -103,12 +104,6 @@ def scans(states: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     return found
 
 
-def detections_of(places: FloatArray) -> Detections:
-    """Return places measured with a deviation of 1 m."""
-    one, unknown = np.ones(len(places)), np.full(len(places), np.nan)
-    return Detections(places[:, 0].copy(), places[:, 1].copy(), unknown, one, one, unknown)
-
-
 def followed(found: list[FloatArray], pruning: Pruning = PRUNING) -> list[HypothesisMixture]:
     """Return the filter's beliefs after each scan."""
     mixture, undetected = nothing(pruning.alike_scans), Undetected(np.array([AT_FIRST]), BIRTH)
@@ -118,7 +113,7 @@ def followed(found: list[FloatArray], pruning: Pruning = PRUNING) -> list[Hypoth
             states = predict_constant_velocity(mixture.singles.states, 1.0, NOISE, NOISE)
             mixture = survived(replace(mixture, singles=replace(mixture.singles, states=states)), SURVIVES)
             undetected = undetected.later()
-        detections = detections_of(places)
+        detections = detections_at(places.tolist(), 1.0, 1.0)
         newcomers, states = undetected.expected(detections)
         measured = MeasuredHypotheses(
             time_s=float(k),

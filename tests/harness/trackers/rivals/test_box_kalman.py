@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from mmpf.map.road import Road
 from mmpf.scan import BodyHeadings, BodySizes, Detections, EgoPose, Scan
 from mmpf.tracks import CONFIRMED
 from tests.mmpf.map.scenes import graph_of
+from tests.mmpf.scenes import detections_at
 
 PLANE = LaneGraphRoad(graph=graph_of({"a": [(-100.0, 0.0), (100.0, 0.0)]}))
 
@@ -22,16 +25,12 @@ def tracker_of(road: Road = ROAD, **options: object):
 
 
 def detections(x, y, sizes=None, heading=None, std=0.2) -> Detections:
-    count, unknown = len(x), np.full(len(x), np.nan)
-    stds = np.full(count, std)
-    measured = None
+    found, every = detections_at(list(zip(x, y, strict=True)), std, std), np.ones(len(x))
     if sizes is not None:
-        length, width = np.array(sizes, dtype=float).T
-        measured = BodySizes(length, width, np.full(count, 0.3), np.full(count, 0.1))
-    headings = None
+        found = replace(found, sizes=BodySizes(*np.array(sizes, dtype=float).T, 0.3 * every, 0.1 * every))
     if heading is not None:
-        headings = BodyHeadings(np.array(heading, dtype=float), np.full(count, 0.05), np.full(count, 0.1))
-    return Detections(np.array(x, float), np.array(y, float), unknown, stds, stds, unknown, measured, headings)
+        found = replace(found, headings=BodyHeadings(heading * every, 0.05 * every, 0.1 * every))
+    return found
 
 
 def test_a_long_box_takes_the_detection_that_overlaps_it_though_a_shorter_one_is_nearer_by_its_middle():

@@ -38,6 +38,7 @@ from tests.harness.trackers.rivals.close_targets import (
     rms_gospa,
     scene,
 )
+from tests.mmpf.scenes import detections_at, ego_at
 
 SETTING = TrackerSetting(highway(), SensorModel(), np.random.default_rng(0))
 EVERYTHING = Pruning(gate_std=1e6, most=10**12, least_weight=1e-30, least_existence=1e-12)
@@ -201,9 +202,8 @@ def test_four_targets_that_meet_among_clutter_are_followed_through():
 def tracks_of_one_vehicle(options: dict[str, object], scans: int = 12) -> Tracks:
     tracker = build_tracker("pmbm", SETTING, options, tuned=False)
     for k in range(scans):
-        place = np.array([220.0 + 2.0 * k]), np.array([5.5])
-        found = Detections(*place, np.full(1, np.nan), np.full(1, 0.2), np.full(1, 0.2), np.full(1, np.nan))
-        tracks = tracker.step(Scan(0.1 * k, found, EgoPose(200.0 + 2.0 * k, 5.5, 0.0, 20.0, 4.7, 1.9)))
+        found = detections_at([(220.0 + 2.0 * k, 5.5)], 0.2, 0.2)
+        tracks = tracker.step(Scan(0.1 * k, found, ego_at(200.0 + 2.0 * k, 5.5)))
     return tracks
 
 
