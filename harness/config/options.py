@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from numbers import Integral, Real
 from pathlib import Path, PurePath
 from sys import float_info
@@ -55,63 +55,61 @@ class Option:
     alone: str | None = None
 
 
+_traffic, _tracking, _result = (partial(Option, panel=panel) for panel in (TRAFFIC, TRACKING, RESULT))
+execution = partial(Option, panel=EXECUTION)
+"""Declares an option of how things are run."""
+
 # Options that several commands have.
 Net = Annotated[
     str | Path | None,
-    Option("Network by name, or your own: a folder or .sumocfg file. (default: us101)", "traffic.net", TRAFFIC),
+    _traffic("Network by name, or your own: a folder or .sumocfg file. (default: us101)", "traffic.net"),
 ]
 Density = Annotated[
-    float | None, Option("Vehicles per km and main lane, 5 to 65; replaces --demand.", "traffic.density", TRAFFIC)
+    float | None, _traffic("Vehicles per km and main lane, 5 to 65; replaces --demand.", "traffic.density")
 ]
 Demand = Annotated[
     str | None,
-    Option("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand", TRAFFIC),
+    _traffic("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand"),
 ]
 BrokenDown = Annotated[
     int | None,
-    Option(
+    _traffic(
         "Number of broken-down vehicles in the main lanes; other vehicles steer around them. (default: 0)",
         "traffic.broken_down",
-        TRAFFIC,
         metavar="N",
     ),
 ]
 Hide = Annotated[
     str | list[float] | None,
-    Option(
+    _traffic(
         "Withhold the detections of moving vehicles for these numbers of seconds, each after 2 s in view; trackers do "
         "not know. (default: none)",
         "altered.hide_s",
-        TRAFFIC,
         metavar="1,2,3,5",
     ),
 ]
 Sensor = Annotated[
     str | None,
-    Option(
-        "Profile: lidar, radar, camera, ..., or module:profile; see 'settings'. (default: lidar)",
-        "sensor.profile",
-        TRAFFIC,
+    _traffic(
+        "Profile: lidar, radar, camera, ..., or module:profile; see 'settings'. (default: lidar)", "sensor.profile"
     ),
 ]
 Settings = Annotated[
     list[str] | Mapping[str, object] | None,
-    Option("Set any setting by its key in config.toml; repeatable.", panel=RESULT, flag="--set", metavar="KEY=VALUE"),
+    _result("Set any setting by its key in config.toml; repeatable.", flag="--set", metavar="KEY=VALUE"),
 ]
 Seed = Annotated[int, Option("Root seed of all random numbers.", default=0, least=0, most=MOST_SEED)]
 Cache = Annotated[Path | None, Option("Cache folder of recorded traffic. (default: one in results/cache/traffic)")]
-Resume = Annotated[
-    bool, Option("Reuse finished runs in --out; compute the missing ones.", panel=EXECUTION, default=False)
-]
-RetryFailed = Annotated[bool, Option("Like --resume, and repeat failed runs.", panel=EXECUTION, default=False)]
-Workers = Annotated[int | None, Option("Worker processes. (default: one per core)", panel=EXECUTION, least=1)]
+Resume = Annotated[bool, execution("Reuse finished runs in --out; compute the missing ones.", default=False)]
+RetryFailed = Annotated[bool, execution("Like --resume, and repeat failed runs.", default=False)]
+Workers = Annotated[int | None, execution("Worker processes. (default: one per core)", least=1)]
 OneWorker = Annotated[int, Option("Number of worker processes.", default=1, least=1)]
 RecordedFields = Annotated[
     Path | None,
     Option("Folder of the recorded fields, to repeat the measurement. (default: the network's measured_file)"),
 ]
 TimeoutPerRun = Annotated[
-    float | None, Option("Stop and fail a run after this many seconds. (default: never)", panel=EXECUTION, least=0.1)
+    float | None, execution("Stop and fail a run after this many seconds. (default: never)", least=0.1)
 ]
 Json = Annotated[bool, Option("Print only the result, as JSON, on stdout.", default=False)]
 Quiet = Annotated[bool, Option("Print no progress bar and no tables.", default=False)]
@@ -126,100 +124,88 @@ class RunOptions(TypedDict, total=False):
     broken_down: BrokenDown
     duration: Annotated[
         float | None,
-        Option("Scored time in seconds, not counting the warm-up. (default: 60)", "traffic.duration_s", TRAFFIC),
+        _traffic("Scored time in seconds, not counting the warm-up. (default: 60)", "traffic.duration_s"),
     ]
     sensor: Sensor
     replay: Annotated[
         Path | str | None,
-        Option(
+        _traffic(
             "A run folder, to reuse its truth and detections; or a file of recorded traffic: CommonRoad "
             "XML, NGSIM CSV or text, highD folder, SUMO FCD, KITTI tracking with its detections; "
             "or pandaset, which comes with the harness. SUMO is not needed.",
             "replay",
-            TRAFFIC,
         ),
     ]
     format: Annotated[
         str | None,
-        Option(
+        _traffic(
             "Format of recorded traffic: commonroad, ngsim, ngsim-text, highd, fcd, pandaset, scenarionet, gpudrive, "
             "autoware, kitti-tracking, av2, or your own reader, module:function. (default: detected from the content; "
             "kitti-tracking and av2 must be named)",
             "traffic.recording.format",
-            TRAFFIC,
         ),
     ]
     ego: Annotated[
         str | None,
-        Option(
+        _traffic(
             "Recorded vehicle that carries the sensor: its ID, auto, each (every vehicle in turn) or each:N. (default: "
             "auto)",
             "traffic.recording.ego",
-            TRAFFIC,
         ),
     ]
     hide: Hide
     gui: Annotated[
         bool,
-        Option(
+        _traffic(
             "Show the traffic in sumo-gui during the run; results do not change. Close the window to stop. "
             "(extra: networks)",
-            panel=TRAFFIC,
             default=False,
         ),
     ]
     tracker: Annotated[
         str | Callable[..., Any] | None,
-        Option("pmbm, oc-sort, ..., module:factory or exec:COMMAND. (default: mmpf)", "tracker.name", TRACKING),
+        _tracking("pmbm, oc-sort, ..., module:factory or exec:COMMAND. (default: mmpf)", "tracker.name"),
     ]
     model: Annotated[
         str | None,
-        Option("Motion model of mmpf: gmm, cvm, ..., or module:Class. (default: residual)", "tracker.model", TRACKING),
+        _tracking("Motion model of mmpf: gmm, cvm, ..., or module:Class. (default: residual)", "tracker.model"),
     ]
     update: Annotated[
-        str | None, Option("Update rule of mmpf: joint or max_likelihood. (default: joint)", "tracker.update", TRACKING)
+        str | None, _tracking("Update rule of mmpf: joint or max_likelihood. (default: joint)", "tracker.update")
     ]
-    particles: Annotated[int | None, Option("Particles per vehicle. (default: 1000)", "tracker.particles", TRACKING)]
+    particles: Annotated[int | None, _tracking("Particles per vehicle. (default: 1000)", "tracker.particles")]
     model_file: Annotated[
         str | Path | None,
-        Option(
-            "Your own model file from 'train' (npz) for the chosen --model: residual, gmm, ...",
-            "tracker.model_file",
-            TRACKING,
+        _tracking(
+            "Your own model file from 'train' (npz) for the chosen --model: residual, gmm, ...", "tracker.model_file"
         ),
     ]
     driver: Annotated[
         str | None,
-        Option(
+        _tracking(
             "Driver model that scores driving decisions on tracks against those on the truth: hdm, idm, mobil, or "
             "module:factory. (default: hdm)",
             "decisions.driver",
-            TRACKING,
         ),
     ]
     seed: Annotated[
         int | None,
-        Option("Root seed of all random numbers: the same seed gives the same results. (default: 0)", "seed", RESULT),
+        _result("Root seed of all random numbers: the same seed gives the same results. (default: 0)", "seed"),
     ]
-    config: Annotated[
-        Path | str | None, Option("TOML file of settings, e.g. an earlier run's config.toml.", panel=RESULT)
-    ]
+    config: Annotated[Path | str | None, _result("TOML file of settings, e.g. an earlier run's config.toml.")]
     settings: Settings
     out: Annotated[
         Path | str | None,
-        Option(
-            "Run folder to write. (default: results/NET-TRACKER-MODEL-TRAFFIC-SEED, with -2, -3, ... if it exists)",
-            panel=RESULT,
+        _result(
+            "Run folder to write. (default: results/NET-TRACKER-MODEL-TRAFFIC-SEED, with -2, -3, ... if it exists)"
         ),
     ]
-    force: Annotated[bool, Option("Replace an earlier run in --out.", panel=RESULT, default=False)]
+    force: Annotated[bool, _result("Replace an earlier run in --out.", default=False)]
     resume: Annotated[
         bool,
-        Option(
-            "Keep the finished run in --out if its settings, code and files are the same.", panel=RESULT, default=False
-        ),
+        _result("Keep the finished run in --out if its settings, code and files are the same.", default=False),
     ]
-    video: Annotated[Path | str | None, Option("Write a top-view video to this MP4 file. (extra: video)", panel=RESULT)]
+    video: Annotated[Path | str | None, _result("Write a top-view video to this MP4 file. (extra: video)")]
 
 
 @dataclass(frozen=True)
