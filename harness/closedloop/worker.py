@@ -7,10 +7,8 @@ otherwise each time, since the drivers' own estimates are not in it, nor what wa
 
 from __future__ import annotations
 
-import ctypes
 import os
 import pickle
-import signal
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,7 +24,7 @@ from harness.closedloop.plan import PlannedDrive, flow_of
 from harness.closedloop.traffic import LiveTraffic
 from harness.common.errors import InputError, RunError
 from harness.common.files import full_disk
-from harness.common.isolation import DIES_WITH_PARENT, ProcessLimits, streamed
+from harness.common.isolation import ProcessLimits, end_with_parent, streamed
 from harness.grid.cells import Cell, failed_row, finished_row
 from harness.grid.worker import CELL, RUN, STEPPING, CellDone, Finished, Message, Report, Started, serve
 from harness.running.evaluate import evaluation_of, write_run
@@ -146,7 +144,7 @@ def _answer(work: Callable[[], object], reading: int, writing: int) -> None:
     try:
         os.close(reading)
         # An owner that is killed must not leave forks behind.
-        ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL)
+        end_with_parent()
         try:
             answer = pickle.dumps((True, work()))
         except Exception as error:

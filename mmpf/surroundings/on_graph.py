@@ -67,7 +67,7 @@ def surroundings_on_graph(
     ego: EgoPose,
     ego_accel_mps2: float,
     graph: LaneGraph,
-    open_links: Callable[[OnLanes], FloatArray | None] | None = None,
+    open_links: Callable[[OnLanes], FloatArray | None],
 ) -> AroundOnGraph:
     """Return what each particle knows of road and traffic, in its own lane's frame; see ``surroundings_of``.
 
@@ -80,7 +80,7 @@ def surroundings_on_graph(
         ego: Pose of the sensor's own vehicle, a neighbour like any other.
         ego_accel_mps2: Its acceleration.
         graph: The lanes.
-        open_links: How probably each link can be taken now, (k,), given where vehicles are; None where all can be.
+        open_links: How probably each link can be taken now, (k,), given where vehicles are, or None where all can be.
     """
     cloud, vehicles = mixture.cloud, mixture.components
     placed = _placed(mixture, moments, ego, ego_accel_mps2, graph)
@@ -98,7 +98,7 @@ def surroundings_on_graph(
         return neighbour
 
     leader = found(lane, 1.0, following)
-    chance = None if open_links is None else open_links(placed.on_lanes(np.append(is_seen, True)))
+    chance = open_links(placed.on_lanes(np.append(is_seen, True)))
     if chance is not None:
         own = cloud.state[SPEED], vehicles.length_m[cloud.component]
         stop_at_lines(chance, cloud.latents[GATE], lane, following, along, *own, graph.columns, leader)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mmpf.map.control import SIGNAL, YIELD
+from mmpf.map.control import SIGNAL, YIELD, LinkControl
 from mmpf.map.lane_graph import LaneColumns, LaneGraph
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
@@ -52,75 +52,49 @@ class OnLanes(NamedTuple):
     seen: BoolArray
 
 
-def unknown_signals(graph: LaneGraph) -> FloatArray:
-    """Return the log odds that each link's signal is open before anything was seen, shape (k,)."""
-    return np.zeros(len(graph.successor))
-
-
-def watched_signals(log_odds: FloatArray, vehicles: OnLanes, graph: LaneGraph, dt_s: float) -> FloatArray:
-    """Return the log odds that links' signals are open after a look at who drives and who waits, shape (k,).
-
-    Args:
-        log_odds: Those before.
-        vehicles: Where vehicles are.
-        graph: The lanes.
-        dt_s: Time since the look before.
-    """
-    control = graph.control
-    if control is None or not len(control.signal_name):
-        return log_odds
-    after = log_odds * np.exp(-dt_s / FORGOTTEN_S)
-    drives = vehicles.seen & (vehicles.speed_mps > DRIVES_MPS) & (vehicles.along_m < NEAR_M)
-    entered = np.isin(graph.successor, vehicles.lane[drives]) & (control.kind == SIGNAL)
-    _watch_drivers(after, dt_s, entered, control.kind, control.foe, control.first_foe, graph.columns)
-    ends = np.where(vehicles.lane >= 0, graph.length_m[vehicles.lane], np.inf)
-    at_line = ends - vehicles.along_m - 0.5 * vehicles.length_m < NEAR_M
-    waits = vehicles.seen & (vehicles.speed_mps < WAITS_MPS) & (vehicles.lane >= 0) & at_line
-    held = np.bincount(vehicles.lane[waits], minlength=len(graph))[graph.link_from]
-    after += np.where(control.kind == SIGNAL, WAITED_PER_S * dt_s * held, 0.0)
-    return np.asarray(np.clip(after, -MOST_LOG_ODDS, MOST_LOG_ODDS))
-
-
-def open_probability(
-    log_odds: FloatArray, open_signals: BoolArray | None, vehicles: OnLanes, graph: LaneGraph
-) -> FloatArray | None:
-    """Return how probably each link can be taken now, shape (k,); None where nothing is known of links.
-
-    Args:
-        log_odds: That signals are open, as seen so far, shape (k,).
-        open_signals: State of each signal, where it is known, shape (signals,).
-        vehicles: Where vehicles are.
-        graph: The lanes.
-    """
-    control = graph.control
-    if control is None:
-        return None
-    chance = 1.0 / (1.0 + np.exp(-log_odds))
-    if open_signals is not None:
-        told = np.where(open_signals[control.signal], GOES_AT_OPEN, GOES_AT_CLOSED)
-        chance = np.where(control.kind == SIGNAL, told, chance)
-    chance = np.where(control.kind == SIGNAL, chance, 1.0)
-    _give_way(chance, vehicles, control.kind, control.foe, control.first_foe, graph.columns)
-    return chance
-
-
 class SignalEstimator:
-    """Which links of a graph can be taken, as watched from scan to scan."""
+    """Which links of a graph can be taken, as watched from scan to scan.
+
+    Attributes:
+        log_odds: Log odds that each link's signal is open, by who was seen to drive and to wait, shape (k,).
+    """
 
     def __init__(self, graph: LaneGraph) -> None:
         """Begin to watch; nothing has been seen."""
-        self._graph, self._log_odds = graph, unknown_signals(graph)
+        self._graph, self.log_odds = graph, np.zeros(len(graph.successor))
 
     def look(self, vehicles: OnLanes, open_signals: BoolArray | None, dt_s: float) -> FloatArray | None:
-        """Return how probably each link can be taken now, shape (k,); see ``open_probability``.
+        """Return how probably each link can be taken now, shape (k,); None where nothing is known of links.
 
         Args:
             vehicles: Where vehicles are.
             open_signals: State of each signal, where it is known, shape (signals,).
             dt_s: Time since the look before.
         """
-        self._log_odds = watched_signals(self._log_odds, vehicles, self._graph, dt_s)
-        return open_probability(self._log_odds, open_signals, vehicles, self._graph)
+        control = self._graph.control
+        if control is None:
+            return None
+        if control.signal_name:
+            self._watch(vehicles, control, dt_s)
+        chance = 1.0 / (1.0 + np.exp(-self.log_odds))
+        if open_signals is not None:
+            chance = np.where(open_signals[control.signal], GOES_AT_OPEN, GOES_AT_CLOSED)
+        chance = np.where(control.kind == SIGNAL, chance, 1.0)
+        _give_way(chance, vehicles, control.kind, control.foe, control.first_foe, self._graph.columns)
+        return chance
+
+    def _watch(self, vehicles: OnLanes, control: LinkControl, dt_s: float) -> None:
+        """Learn from who drives and who waits."""
+        graph, after = self._graph, self.log_odds * np.exp(-dt_s / FORGOTTEN_S)
+        drives = vehicles.seen & (vehicles.speed_mps > DRIVES_MPS) & (vehicles.along_m < NEAR_M)
+        entered = np.isin(graph.successor, vehicles.lane[drives]) & (control.kind == SIGNAL)
+        _watch_drivers(after, dt_s, entered, control.kind, control.foe, control.first_foe, graph.columns)
+        ends = np.where(vehicles.lane >= 0, graph.length_m[vehicles.lane], np.inf)
+        at_line = ends - vehicles.along_m - 0.5 * vehicles.length_m < NEAR_M
+        waits = vehicles.seen & (vehicles.speed_mps < WAITS_MPS) & (vehicles.lane >= 0) & at_line
+        held = np.bincount(vehicles.lane[waits], minlength=len(graph))[graph.link_from]
+        after += np.where(control.kind == SIGNAL, WAITED_PER_S * dt_s * held, 0.0)
+        self.log_odds = np.clip(after, -MOST_LOG_ODDS, MOST_LOG_ODDS)
 
 
 @kernel()

@@ -8,7 +8,7 @@ import pytest
 from mmpf.map.control import FREE, NO_SIGNAL, SIGNAL, YIELD, LinkControl
 from mmpf.map.lane_graph import LaneGraph
 from mmpf.numerics.arrays import FloatArray
-from mmpf.surroundings.right_of_way import OnLanes, open_probability, unknown_signals, watched_signals
+from mmpf.surroundings.right_of_way import OnLanes, SignalEstimator
 from tests.mmpf.map.scenes import graph_of
 
 LENGTH_M = 4.0
@@ -49,10 +49,10 @@ def vehicles(graph: LaneGraph, *them: tuple[str, float, float]) -> OnLanes:
 
 
 def after_watching(graph: LaneGraph, seconds: float, *them: tuple[str, float, float]) -> FloatArray:
-    log_odds = unknown_signals(graph)
+    signals = SignalEstimator(graph)
     for _ in range(round(10 * seconds)):
-        log_odds = watched_signals(log_odds, vehicles(graph, *them), graph, 0.1)
-    chance = open_probability(log_odds, None, vehicles(graph), graph)
+        signals.look(vehicles(graph, *them), None, 0.1)
+    chance = signals.look(vehicles(graph), None, 0.0)
     assert chance is not None
     return chance
 
@@ -74,11 +74,11 @@ def test_two_ways_that_each_list_the_other_as_crossing_count_once() -> None:
     graph = crossing(SIGNALS)
     assert graph.control is not None
     both = replace(graph.control, foe=np.array([2, 0]), first_foe=np.array([0, 1, 1, 2, 2]))
-    log_odds = [
-        watched_signals(unknown_signals(each), vehicles(each, ("east-path", 5.0, 10.0)), each, 0.1)
-        for each in (graph, replace(graph, control=both))
-    ]
-    np.testing.assert_array_equal(*log_odds)
+    once, twice = SignalEstimator(graph), SignalEstimator(replace(graph, control=both))
+    for each in (once, twice):
+        each.look(vehicles(graph, ("east-path", 5.0, 10.0)), None, 0.1)
+    np.testing.assert_array_equal(once.log_odds, twice.log_odds)
+    assert once.log_odds.any()
 
 
 def test_who_waits_at_the_line_shows_that_the_signal_is_closed_and_nothing_of_others() -> None:
@@ -93,15 +93,19 @@ def test_who_stands_far_from_the_line_shows_nothing() -> None:
 
 def test_what_was_seen_of_a_signal_is_forgotten() -> None:
     graph = crossing(SIGNALS)
-    log_odds = np.array([4.0, 0.0, -4.0, 0.0])
+    signals = SignalEstimator(graph)
+    signals.log_odds = np.array([4.0, 0.0, -4.0, 0.0])
     for _ in range(600):
-        log_odds = watched_signals(log_odds, vehicles(graph), graph, 0.1)
-    assert np.abs(log_odds).max() < 0.1
+        signals.look(vehicles(graph), None, 0.1)
+    assert np.abs(signals.log_odds).max() < 0.1
 
 
 def test_a_signal_that_the_scan_tells_is_as_it_is_told_whatever_was_seen_but_for_those_who_start_late() -> None:
     graph = crossing(SIGNALS)
-    chance = open_probability(np.array([4.0, 0.0, -4.0, 0.0]), np.array([False, True]), vehicles(graph), graph)
+    signals = SignalEstimator(graph)
+    signals.log_odds = np.array([4.0, 0.0, -4.0, 0.0])
+    chance = signals.look(vehicles(graph), np.array([False, True]), 0.0)
+    assert chance is not None
     assert chance.tolist() == [0.1, 1.0, 0.95, 1.0]
 
 
@@ -119,14 +123,15 @@ def test_who_has_to_give_way_goes_unless_one_with_right_of_way_comes(
     comes: tuple[str, float, float], may_go: bool
 ) -> None:
     graph = crossing({"east": FREE, "north": YIELD})
-    chance = open_probability(unknown_signals(graph), None, vehicles(graph, comes), graph)
+    chance = SignalEstimator(graph).look(vehicles(graph, comes), None, 0.0)
+    assert chance is not None
     assert chance[2] == (0.95 if may_go else 0.3)
     assert chance[0] == 1.0, "who has right of way waits for nobody"
 
 
 def test_a_graph_that_says_nothing_of_its_links_leaves_everybody_go() -> None:
     graph = replace(crossing(SIGNALS), control=None)
-    assert open_probability(unknown_signals(graph), None, vehicles(graph), graph) is None
+    assert SignalEstimator(graph).look(vehicles(graph), None, 0.0) is None
 
 
 def test_links_that_lead_nowhere_are_refused() -> None:
