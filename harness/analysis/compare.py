@@ -225,7 +225,7 @@ def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
     known = {quantity.key: quantity for quantity in compared_quantities(closed_loop=closed_loop)}
     for key in rules.primary:
         if key not in known:
-            told = nearest(key, list(known), "docs/reference/metrics.md lists them")
+            told = nearest(str(key), list(known), "docs/reference/metrics.md lists them")
             raise InputError(f"`primary` {key}: no such metric is compared{told}")
         rules.limit(known[key]).check(known[key])
     return rules

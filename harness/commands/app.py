@@ -132,7 +132,11 @@ def _told(error: BaseException) -> tuple[str, int]:
         case Exception() if told_to_end():
             told = "interrupted", code_of_end()
         case TyperException():
-            told = f"{error.format_message().rstrip('.')}; --help has options and examples", exit_codes.WRONG_INPUT
+            message = error.format_message().rstrip(".")
+            told = (
+                f"{message}{'' if message.endswith('?') else ';'} --help has options and examples",
+                exit_codes.WRONG_INPUT,
+            )
         case InputError() | UnknownNameError():
             told = str(error), exit_codes.WRONG_INPUT
         case RunError():

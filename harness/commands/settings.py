@@ -17,7 +17,7 @@ class Options(TypedDict):
     word: Annotated[
         str,
         Option(
-            "Show only settings whose key or kind contains this word.", default="", metavar="[WORD]", is_argument=True
+            "Show only settings whose key or kind contains this word.", default="", metavar="WORD", is_argument=True
         ),
     ]
     json: Annotated[bool, Option("Print the settings as JSON on stdout.", default=False)]

@@ -23,7 +23,9 @@ NO_CHOICE = {
 class Options(TypedDict):
     """The options of ``study``."""
 
-    case: Annotated[str, Option("lane-keeping, lane-change, situations or ablation.", default=..., is_argument=True)]
+    case: Annotated[
+        str, Option("lane-keeping, lane-change, situations or ablation.", default=..., metavar="CASE", is_argument=True)
+    ]
     net: shared.Net
     models: Annotated[str | None, Option("Names of models, separated by commas. (default: all that fit the case)")]
     model_file: Annotated[

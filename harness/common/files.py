@@ -54,7 +54,8 @@ def writing(parameter: str, path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        told = f"`{parameter}`: can't write {path}: {in_words(error)}; choose another place, or make room"
+        why = os.strerror(error.errno) if error.errno else in_words(error)
+        told = f"`{parameter}`: can't write {path}: {why}; choose another place, or make room"
         raise (RunError if error.errno in NO_ROOM else InputError)(told) from None
 
 

@@ -153,7 +153,7 @@ def reading(path: object, what: str) -> Iterator[None]:
     except MemoryError:
         raise InputError(f"{path} needs more memory than is allowed; give a smaller or a sound file") from None
     except FileNotFoundError:
-        raise InputError(f"{path} is missing; it should be the {what}") from None
+        raise InputError(f"{path} does not exist; it should be the {what}") from None
     except Exception as error:
         if is_own_fault(error):
             raise

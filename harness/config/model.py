@@ -76,7 +76,7 @@ class TrafficConfig(_Strict):
     @model_validator(mode="after")
     def _one_way_to_set_traffic(self) -> Self:
         if self.demand is not None and self.density is not None:
-            raise ValueError("give either a demand or a density, not both")
+            raise ValueError("give either `demand` or `density`, not both")
         if self.recording is not None:
             if self.demand is not None or self.density is not None:
                 raise ValueError("recorded traffic is as it was; leave demand and density out")

@@ -22,6 +22,7 @@ from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
+from harness.storage.grid_folder import RUNS
 from harness.truth.recorded.fcd import types_file
 from mmpf.registry import Entry, Registry, UnknownNameError
 
@@ -82,6 +83,9 @@ def export_run(
         raise InputError(f"`gzip`: only {' and '.join(PACKED)} are packed; leave it out")
     if out is not None and name == "fcd" and out.name.endswith(XML_FILES):
         return _export_to_file(folder, exporter, out, force)
+    if name not in OF_FOLDERS and (folder / RUNS).is_file():
+        told = f"{folder} is a stress test, which only {' and '.join(OF_FOLDERS)} take; give a run's folder"
+        raise InputError(f"`folder`: {told} ('stress --keep runs' keeps them)")
     target = out if out is not None else folder / EXPORTS / re.sub(r"[^\w.+-]+", "-", name)
     replaces = force or out is None
     runfolder.check_free(target, replaces, ownership.EXPORT)

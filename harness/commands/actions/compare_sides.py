@@ -39,8 +39,8 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     """Compare what the options name, and return the exit code: done, worse or undecided."""
     _check_used(options)
     _check_distinct(options)
-    for parameter in () if options["force"] else WRITTEN:
-        _check_free(options[parameter], parameter)
+    for parameter in WRITTEN:
+        _check_free(options[parameter], parameter, options["force"])
     gate = read_gate(options["gate"])
     named = None if options["primary"] is None else names(options["primary"], "primary", "mot.hota")
     primary = None if named is None else tuple(map(_metric, named))
@@ -107,9 +107,11 @@ def _is_comparison(path: Path) -> bool:
     return path.read_bytes().endswith(f"{MARK}\n".encode())
 
 
-def _check_free(path: Path | None, parameter: str) -> None:
-    """Refuse to replace a file that no comparison has written."""
-    if path is not None and path.is_file() and path.stat().st_size and not _is_comparison(path):
+def _check_free(path: Path | None, parameter: str, force: bool) -> None:
+    """Refuse a file in a folder that there is not, or to replace one that no comparison has written."""
+    if path is not None and not path.absolute().parent.is_dir():
+        raise InputError(f"`{parameter}`: there is no folder {path.parent}; make it, or choose another file")
+    if path is not None and not force and path.is_file() and path.stat().st_size and not _is_comparison(path):
         raise InputError(f"`{parameter}`: {path} exists and no comparison wrote it; add `force` to replace it")
 
 
