@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,48 +15,19 @@ STRAIGHT = ((0.0, 0.0), (1.0, 0.0))
 
 
 class OnReferenceLine:
-    """The frame of a road that a reference line carries; see ``mmpf.map.road.Road``."""
+    """The frame of a road that a line of straight pieces carries, which goes on straight beyond its ends; see ``Road``.
+
+    Attributes:
+        reference_xy: Points (x, y) of the line, metres, at least two.
+        reference_start_m: Longitudinal position of the first, metres.
+    """
 
     reference_xy: tuple[tuple[float, float], ...]
     reference_start_m: float
 
     @cached_property
-    def _line(self) -> ReferenceLine:
-        return ReferenceLine(self.reference_xy, self.reference_start_m)
-
-    @property
-    def is_straight(self) -> bool:
-        """Whether the frame is the Cartesian plane up to a turn and a shift."""
-        return self._line.is_straight
-
-    def heading_at(self, lon_m: FloatArray) -> FloatArray:
-        """Return the Cartesian direction of the reference line, radians, the shape of ``lon_m``."""
-        return self._line.heading_at(lon_m)
-
-    def to_cartesian(self, lon_m: FloatArray, lat_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Map road-frame positions to Cartesian x and y, metres, in the arguments' shape."""
-        return self._line.to_cartesian(lon_m, lat_m)
-
-    def to_road(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Undo ``to_cartesian`` for places of shape (n,)."""
-        return self._line.to_road(x, y)
-
-
-@dataclass(frozen=True)
-class ReferenceLine:
-    """A line of straight pieces, which goes on straight beyond its ends.
-
-    Attributes:
-        points_xy: Its points (x, y), metres, at least two.
-        start_m: Longitudinal position of the first, metres.
-    """
-
-    points_xy: tuple[tuple[float, float], ...] = STRAIGHT
-    start_m: float = 0.0
-
-    @cached_property
     def _vertices(self) -> FloatArray:
-        return np.asarray(self.points_xy, dtype=np.float64)
+        return np.asarray(self.reference_xy, dtype=np.float64)
 
     @cached_property
     def _segment_headings(self) -> FloatArray:
@@ -67,7 +37,7 @@ class ReferenceLine:
     @cached_property
     def _vertex_lon(self) -> FloatArray:
         lengths = np.hypot(*np.diff(self._vertices, axis=0).T)
-        return self.start_m + np.concatenate([[0.0], np.cumsum(lengths)])
+        return self.reference_start_m + np.concatenate([[0.0], np.cumsum(lengths)])
 
     @cached_property
     def _segment_lengths(self) -> FloatArray:
@@ -82,7 +52,7 @@ class ReferenceLine:
     @property
     def is_straight(self) -> bool:
         """Whether the frame is the Cartesian plane up to a turn and a shift."""
-        return len(self.points_xy) == 2
+        return len(self.reference_xy) == 2
 
     def _segment_at(self, lon_m: FloatArray) -> IntArray:
         return np.asarray(np.searchsorted(self._vertex_lon[1:-1], lon_m, side="right"))
