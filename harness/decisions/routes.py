@@ -6,7 +6,6 @@ goes as straight on as it can.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,23 +16,6 @@ from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
 
 AHEAD_M, BEHIND_M = 200.0, 120.0
 MOST_LANES = 64
-
-
-@dataclass(frozen=True)
-class PlacedBodies:
-    """Bodies along a way.
-
-    Attributes:
-        body: Which they are, shape (k,).
-        along_m: How far ahead of the ego each is, shape (k,).
-        across_m: How far left of the route's line, shape (k,).
-        speed_mps: Its speed along the route, shape (k,).
-    """
-
-    body: IntArray
-    along_m: FloatArray
-    across_m: FloatArray
-    speed_mps: FloatArray
 
 
 @dataclass(frozen=True)
@@ -93,19 +75,22 @@ class RouteLines:
     line: IntArray
     lines: list[Line] = field(default_factory=list)
 
-    def places(self, egos: Egos, bodies: Bodies, within_m: float) -> Iterator[PlacedBodies]:
-        """Yield the bodies near the ego, projected on the route of their step."""
+    def place(self, egos: Egos, bodies: Bodies, within_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return how far ahead of the ego and left of its route bodies near it are, and their speeds along it, (m,).
+
+        Each is projected on the route of its step; nan of a body that is not near, or has no route.
+        """
         away = np.hypot(bodies.lon_m - egos.lon_m[bodies.step], bodies.lat_m - egos.lat_m[bodies.step])
         near = (away <= within_m) & self.exists[bodies.step]
+        ahead_m, across_m, speed_mps = (np.full(len(bodies), np.nan) for _ in range(3))
         for number, line in enumerate(self.lines):
             body = np.flatnonzero(near & (self.line[bodies.step] == number))
-            along, across, heading = line.project(bodies.lon_m[body], bodies.lat_m[body])
+            along, across_m[body], heading = line.project(bodies.lon_m[body], bodies.lat_m[body])
+            ahead_m[body] = along - self.ego_along_m[bodies.step[body]]
             turn = bodies.direction_rad[body] - heading
             # What is heading nowhere in particular is taken to go along.
-            share = np.where(np.isfinite(turn), np.cos(turn), 1.0)
-            yield PlacedBodies(
-                body, along - self.ego_along_m[bodies.step[body]], across, share * bodies.speed_mps[body]
-            )
+            speed_mps[body] = np.where(np.isfinite(turn), np.cos(turn), 1.0) * bodies.speed_mps[body]
+        return ahead_m, across_m, speed_mps
 
 
 def route_lines(egos: Egos, graph: LaneGraph) -> tuple[RouteLines, RouteLines, RouteLines]:

@@ -57,10 +57,8 @@ def lane_views(road: Road, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneVi
 def _(road: LaneGraphRoad, egos: Egos, bodies: Bodies) -> tuple[LaneView, LaneView, LaneView]:
     views = []
     for route in route_lines(egos, road.graph):
-        along, across, speed = (np.full(len(bodies), np.nan) for _ in range(3))
-        for place in route.places(egos, bodies, HORIZON_M):
-            along[place.body], across[place.body], speed[place.body] = place.along_m, place.across_m, place.speed_mps
-        views.append(LaneView(route.exists, route.half_width_m, route.ego_across_m, along, across, speed))
+        placed = route.place(egos, bodies, HORIZON_M)
+        views.append(LaneView(route.exists, route.half_width_m, route.ego_across_m, *placed))
     return views[OWN], views[LEFT], views[RIGHT]
 
 
