@@ -16,9 +16,6 @@ from mmpf.numerics.arrays import Float32Array, FloatArray
 from mmpf.numerics.normals import standard_normals
 from mmpf.numerics.threads import in_shares
 
-# Finite, since compiled code may take it for granted that numbers are.
-UNBOUNDED = 1e30
-
 
 class InvalidMixtureError(ValueError):
     """Weights, means and covariances that make no Gaussian mixture."""
@@ -76,22 +73,10 @@ class ConditionalGmm:
         log_sum = np.log(np.exp(log_parts - top[:, None]).sum(axis=1))
         return np.asarray(top + log_sum - 0.5 * self.outputs * np.log(2.0 * np.pi))
 
-    def sample(self, x: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Draw one output from the conditional mixture for each input.
+    def sample_scaled(self, x: FloatArray | Float32Array, scaling: Scaling, rng: np.random.Generator) -> FloatArray:
+        """Draw one output from the conditional mixture for each input, both in the units of the data.
 
         The component is drawn with weights in single precision, which moves its probabilities by about 1e-6.
-
-        Args:
-            x: Inputs, shape (n, p).
-            rng: Source of randomness.
-
-        Returns:
-            Outputs, shape (n, q).
-        """
-        return self.sample_scaled(x.T, self._no_scaling, rng).T
-
-    def sample_scaled(self, x: FloatArray | Float32Array, scaling: Scaling, rng: np.random.Generator) -> FloatArray:
-        """Draw one output for each input; like ``sample``, with inputs and outputs in the units of the data.
 
         Args:
             x: Inputs, shape (p, n).
@@ -154,11 +139,6 @@ class ConditionalGmm:
         logit_matrix = np.ascontiguousarray(self.logit_matrix, dtype=np.float32)
         by_output = (np.moveaxis(part, 0, -1) for part in (self.bias, self.slope, self.noise_factor))
         return Conditional(logit_matrix, *map(np.ascontiguousarray, by_output))
-
-    @cached_property
-    def _no_scaling(self) -> Scaling:
-        p, q = self.inputs, self.outputs
-        return Scaling(np.zeros(p), np.ones(p), np.zeros(q), np.ones(q), np.full(p, -UNBOUNDED), np.full(p, UNBOUNDED))
 
 
 def expand(x: FloatArray) -> FloatArray:

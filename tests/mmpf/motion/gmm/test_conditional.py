@@ -6,6 +6,8 @@ from scipy.stats import multivariate_normal
 from sklearn.mixture import GaussianMixture
 
 from mmpf.motion.gmm.conditional import ConditionalGmm, InvalidMixtureError, expand
+from mmpf.motion.gmm.kernel import Scaling
+from mmpf.motion.gmm.scaled import ScaledGmm
 
 INPUTS, OUTPUTS, COMPONENTS = 5, 4, 7
 
@@ -63,10 +65,16 @@ def test_conditional_density_is_scikit_learns_joint_density_over_its_marginal(mi
     np.testing.assert_allclose(mixture.log_density(x, y), expected, atol=1e-8)
 
 
+def sampled(mixture: ConditionalGmm, point: np.ndarray, draws: int, seed: int) -> np.ndarray:
+    p, q = np.ones(mixture.inputs), np.ones(mixture.outputs)
+    unscaled = ScaledGmm(mixture, Scaling(0.0 * p, p, 0.0 * q, q, -100.0 * p, 100.0 * p))
+    return unscaled.sample(np.repeat(point, draws, axis=0), np.random.default_rng(seed))
+
+
 def test_samples_have_the_conditional_mixtures_mean_and_covariance(mixture, x):
     draws = 200_000
     point = x[:1]
-    drawn = mixture.sample(np.repeat(point, draws, axis=0), np.random.default_rng(6))
+    drawn = sampled(mixture, point, draws, seed=6)
     weights = direct_weights(mixture, np.vstack([point, point]))[0]
     means = mixture.component_means(point)[0]
     mean = weights @ means
@@ -82,7 +90,7 @@ def test_components_are_sampled_in_proportion_to_their_conditional_weights():
     mixture = ConditionalGmm(np.array([0.2, 0.3, 0.5]), means, np.tile(np.eye(2), (3, 1, 1)), inputs=1)
     draws = 100_000
     point = np.array([[0.7]])
-    drawn = mixture.sample(np.repeat(point, draws, axis=0), np.random.default_rng(7))[:, 0]
+    drawn = sampled(mixture, point, draws, seed=7)[:, 0]
     shares = [(drawn < -50).mean(), (np.abs(drawn) < 50).mean(), (drawn > 50).mean()]
     unscaled = mixture.weights * np.exp(-0.5 * (0.7 - means[:, 0]) ** 2)
     np.testing.assert_allclose(shares, unscaled / unscaled.sum(), atol=5 * 0.5 / np.sqrt(draws))
