@@ -46,19 +46,8 @@ class LastSightings:
 
 
 @dataclass(frozen=True)
-class _Lost:
-    """Tracks that are unseen: those that still coast and those that ended, struct of arrays over k tracks."""
-
-    own_id: IntArray
-    lon_m: FloatArray
-    lat_m: FloatArray
-    std_lon_m: FloatArray
-    last_seen_s: FloatArray
-
-
-@dataclass(frozen=True)
 class _Snapshot:
-    """The confirmed tracks at one time, under the tracker's own identities."""
+    """Confirmed tracks, each at its own time, under the tracker's own identities."""
 
     tracks: Tracks
     last_seen_s: FloatArray
@@ -93,21 +82,17 @@ class IdentityStitcher:
         renamed = replace(taken(tracks, keep), track_id=np.array(reported, dtype=np.int64))
         return renamed, replaced
 
-    def _lost_tracks(self, tracks: Tracks, known: BoolArray, sightings: LastSightings, time_s: float) -> _Lost:
+    def _lost_tracks(self, tracks: Tracks, known: BoolArray, sightings: LastSightings, time_s: float) -> _Snapshot:
+        """Return the unseen tracks where they should be now: those that still coast and those that ended."""
         options = self._options
         coasting = known & (time_s - sightings.last_s >= options.unseen_s - 1e-6)
         ended = self._ended(tracks.track_id, time_s)
-        age_s = time_s - ended.time_s
-        spread = np.sqrt(
-            ended.tracks.std_lon_m**2 + (ended.tracks.std_speed_mps * age_s) ** 2 + options.speed_noise * age_s**3 / 3
-        )
-        return _Lost(
-            own_id=np.concatenate([tracks.track_id[coasting], ended.tracks.track_id]),
-            lon_m=np.concatenate([tracks.lon_m[coasting], ended.tracks.lon_m + ended.tracks.speed_mps * age_s]),
-            lat_m=np.concatenate([tracks.lat_m[coasting], ended.tracks.lat_m]),
-            std_lon_m=np.concatenate([tracks.std_lon_m[coasting], spread]),
-            last_seen_s=np.concatenate([sightings.last_s[coasting], ended.last_seen_s]),
-        )
+        gone, age_s = ended.tracks, time_s - ended.time_s
+        spread = np.sqrt(gone.std_lon_m**2 + (gone.std_speed_mps * age_s) ** 2 + options.speed_noise * age_s**3 / 3)
+        gone = replace(gone, lon_m=gone.lon_m + gone.speed_mps * age_s, std_lon_m=spread)
+        still = taken(tracks, coasting)
+        coast = _Snapshot(still, sightings.last_s[coasting], np.full(len(still), time_s))
+        return joined(coast, replace(ended, tracks=gone))
 
     def _ended(self, present: IntArray, time_s: float) -> _Snapshot:
         remembered, options = self._remembered, self._options
@@ -120,24 +105,24 @@ class IdentityStitcher:
         )
         return taken(remembered, keep)
 
-    def _hand_on_identities(self, tracks: Tracks, sightings: LastSightings, new: IntArray, lost: _Lost) -> IntArray:
+    def _hand_on_identities(self, tracks: Tracks, sightings: LastSightings, new: IntArray, lost: _Snapshot) -> IntArray:
         """Match one to one, nearest first over all; return the own identities of the lost tracks that were matched."""
-        if not len(new) or not len(lost.own_id):
+        if not len(new) or not len(lost.tracks.track_id):
             return np.zeros(0, dtype=np.int64)
         options = self._options
-        reach = options.gate_std * np.hypot(lost.std_lon_m, tracks.std_lon_m[new, None]) + options.margin_m
-        distance = np.abs(tracks.lon_m[new, None] - lost.lon_m)
+        reach = options.gate_std * np.hypot(lost.tracks.std_lon_m, tracks.std_lon_m[new, None]) + options.margin_m
+        distance = np.abs(tracks.lon_m[new, None] - lost.tracks.lon_m)
         possible = (
             (distance < reach)
-            & (np.abs(tracks.lat_m[new, None] - lost.lat_m) < _LAT_GATE_M)
+            & (np.abs(tracks.lat_m[new, None] - lost.tracks.lat_m) < _LAT_GATE_M)
             & (lost.last_seen_s <= sightings.first_s[new, None] + options.overlap_s)
         )
         rows, columns = linear_sum_assignment(np.where(possible, distance / reach, _UNMATCHED_COST))
         matched = possible[rows, columns]
         for row, column in zip(rows[matched].tolist(), columns[matched].tolist(), strict=True):
-            heir, ancestor = int(tracks.track_id[new[row]]), int(lost.own_id[column])
+            heir, ancestor = int(tracks.track_id[new[row]]), int(lost.tracks.track_id[column])
             self._reported_id[heir] = self._reported_id[ancestor]
-        return np.asarray(lost.own_id[columns[matched]])
+        return np.asarray(lost.tracks.track_id[columns[matched]])
 
     def _remember(self, tracks: Tracks, last_seen_s: FloatArray, replaced: IntArray, time_s: float) -> None:
         ended = self._ended(tracks.track_id, time_s)
