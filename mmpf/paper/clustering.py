@@ -12,7 +12,7 @@ from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
 from mmpf.motion.state import LAT, LON
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
-from mmpf.options.paper import PaperReclustering
+from mmpf.options.paper import PaperMerging, PaperReclustering
 
 ROUNDS = 10
 VOTERS = 200
@@ -35,10 +35,7 @@ def recluster(
     if len(mixture) < 2:
         return mixture, 0
     mean = moments.mean
-    touches = (np.abs(mean[LON][:, None] - mean[LON]) < options.lon_m) & (
-        np.abs(mean[LAT][:, None] - mean[LAT]) < options.lat_m
-    )
-    groups, group_of = connected_components(touches, directed=False)
+    groups, group_of = connected_components(touching(moments, options), directed=False)
     scale = np.array([[options.lon_m], [options.lat_m]])
     position = mixture.cloud.state[[LON, LAT]] / scale
     component = mixture.cloud.component.copy()
@@ -56,7 +53,13 @@ def recluster(
         medoids = k_medoids(position[:, voters].T, (mean[[LON, LAT]] / scale)[:, members].T)
         component[particles] = members[cdist(position[:, particles].T, medoids).argmin(axis=1)]
         reclustered += len(members)
-    return _with_component_index(mixture, component), reclustered
+    return with_component_index(mixture, component), reclustered
+
+
+def touching(moments: Moments, within: PaperReclustering | PaperMerging) -> BoolArray:
+    """Return which components' means are nearer to each other than both distances, shape (m, m)."""
+    lon, lat = moments.mean[LON], moments.mean[LAT]
+    return np.asarray((np.abs(lon[:, None] - lon) < within.lon_m) & (np.abs(lat[:, None] - lat) < within.lat_m))
 
 
 def k_medoids(points: FloatArray, start: FloatArray) -> FloatArray:
@@ -87,7 +90,8 @@ def _medoid_of(distance: FloatArray, is_member: BoolArray, otherwise: int) -> in
     return int(members[distance[np.ix_(members, members)].sum(axis=1).argmin()])
 
 
-def _with_component_index(mixture: Mixture, component: IntArray) -> Mixture:
+def with_component_index(mixture: Mixture, component: IntArray) -> Mixture:
+    """Return the belief with its particles dealt out anew, shape (n,), without components that got none."""
     order = np.argsort(component, kind="stable")
     cloud = mixture.cloud.take(order, component[order])
     occupied = np.bincount(component, minlength=len(mixture)) > 0

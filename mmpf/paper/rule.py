@@ -16,11 +16,11 @@ from mmpf.belief.moments import Moments, component_moments, effective_sizes, gat
 from mmpf.belief.resampling import resample
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LON, SPEED
-from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, taken
+from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 from mmpf.options.filter import FilterOptions, ModelErrorOptions
 from mmpf.options.paper import PaperMerging
-from mmpf.paper.clustering import recluster
+from mmpf.paper.clustering import recluster, touching, with_component_index
 from mmpf.scan import Detections, Scan, SensorModel
 from mmpf.stages.update_rule import Finetuned, MixtureChange, Occlusion, Situation, Updated, outside_observation_area
 from mmpf.visibility.depth import Occluders, depth_table
@@ -243,10 +243,7 @@ def _merge_overlaps(mixture: Mixture, options: PaperMerging, hidden_after_s: flo
     """Pool the particles of components whose means overlap under one identity, chosen by an option."""
     if len(mixture) < 2:
         return mixture, 0
-    mean = component_moments(mixture).mean
-    overlap = (np.abs(mean[LON][:, None] - mean[LON]) < options.lon_m) & (
-        np.abs(mean[LAT][:, None] - mean[LAT]) < options.lat_m
-    )
+    overlap = touching(component_moments(mixture), options)
     index, components = np.arange(len(mixture)), mixture.components
     # Components are in the order of their birth, so that the first is the elder.
     hidden = components.unseen_s > hidden_after_s
@@ -261,12 +258,7 @@ def _merge_overlaps(mixture: Mixture, options: PaperMerging, hidden_after_s: flo
         unseen_s = components.unseen_s.copy()
         np.minimum.at(unseen_s, into, components.unseen_s)
         mixture = replace(mixture, components=replace(components, unseen_s=unseen_s))
-    new_index = np.cumsum(survives) - 1
-    component = new_index[into[mixture.cloud.component]]
-    order = np.argsort(component, kind="stable")
-    cloud = mixture.cloud.take(order, component[order])
-    pooled = replace(mixture, cloud=cloud, components=taken(mixture.components, survives))
-    return renormalised(pooled), int((~survives).sum())
+    return renormalised(with_component_index(mixture, into[mixture.cloud.component])), int((~survives).sum())
 
 
 @kernel()
