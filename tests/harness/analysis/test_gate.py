@@ -70,6 +70,7 @@ def test_wrong_input_and_files_that_are_there_write_nothing(tmp_path, capsys):
         (("--markdown", tmp_path / "x", "--html", tmp_path / "." / "x"), "--html: .*x is --markdown too"),
         (("--gate", precious, "--junit", precious, "--force"), "--junit: .* is --gate too"),
         (("--html", f"{a}/runs.parquet", "--force"), "--html: .*runs.parquet is of what is compared"),
+        (("--html", tmp_path / "none" / "x"), "--html: there is no folder .*none"),
         (("--workers", 2), "--workers: only --suite uses it"),
         (("--pages", "https://ci.example"), "--pages: only --summary uses it"),
         (("--suite", "standard", "--record", "--html", tmp_path / "x"), "--html: with --record nothing is compared"),
