@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
-import typer
-
-from harness.commands.from_options import typed
-from harness.common.streams import streams_and_depth_kept
 from harness.config import options as shared
 from harness.config.options import RunOptions
 
@@ -37,17 +31,6 @@ def command(options: Options) -> None:
       python -m harness run --config config.toml --set sensor.range_m=80
       python -m harness run --set tracker.options.joint.association.gate_std=4
     """
-    from harness.api import make_run  # noqa: PLC0415
+    from harness.commands.actions.run_once import run_once  # noqa: PLC0415
 
-    as_json, quiet = options.pop("json"), options.pop("quiet")
-    with streams_and_depth_kept():
-        os.dup2(2, 1)  # what libraries, SUMO's C++ among them, print on stdout goes to stderr
-        finished = make_run(options, typed(), quiet)
-    if not quiet:
-        from harness.report.summary import print_summary  # noqa: PLC0415
-
-        print_summary(finished.metrics, finished.folder)
-    if as_json:
-        from harness.common.numbers import as_json as text_of  # noqa: PLC0415
-
-        typer.echo(text_of(finished.metrics), nl=False)
+    run_once(options)

@@ -5,16 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from harness.commands.from_options import typed
-from harness.common.numbers import as_json as text_of
-from harness.common.progress import working
 from harness.config import options as shared
 from harness.config.options import Option
-from harness.report.folder_page import write_page
-from harness.report.summary import print_summary
-from harness.running.logged import Logs, score_logs
+from harness.running.log_options import Logs
 
 
 class Options(Logs):
@@ -39,13 +32,6 @@ def command(options: Options) -> None:
       python -m harness score --truth label_02 --tracks my_tracks --ego oxts_poses
       python -m harness score --truth truth.parquet --tracks log.mcap:/tracks
     """
-    as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
-    command_line = typed()
-    with working("scoring", quiet):
-        folder, metrics, report, left_out = score_logs(options, out, force, command_line, write_page)
-    if left_out or not quiet:
-        typer.echo(report, err=True)
-    if not quiet:
-        print_summary(metrics, folder, is_log=True)
-    if as_json:
-        typer.echo(text_of(metrics), nl=False)
+    from harness.commands.actions.score_log import score_log  # noqa: PLC0415
+
+    score_log(options)

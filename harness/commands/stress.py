@@ -9,6 +9,7 @@ import typer
 
 from harness.commands.from_options import typed
 from harness.common.errors import RunError
+from harness.common.markdown import show_markdown
 from harness.config import options as shared
 from harness.grid.options import GridOptions
 
@@ -57,8 +58,6 @@ def command(options: Options) -> None:
     as_json, quiet = options.pop("json"), options.pop("quiet")
     finished = make_grid(options, typed(), quiet)
     if not quiet and (finished.summary["grid"]["replay"] or finished.summary["grid"]["mismatch"]):
-        from harness.common.markdown import show_markdown  # noqa: PLC0415
-
         show_markdown((finished.folder / "table.md").read_text(encoding="utf-8"), on_stderr=True)
     elif not quiet:
         from harness.analysis.tables import print_result  # noqa: PLC0415

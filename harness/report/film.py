@@ -116,11 +116,10 @@ def _draw_tracks(strip: _PictureRow, tracks: pd.DataFrame, ego: EgoPose) -> None
     """Draw ellipses, and as many of their numbers as do not overlap: those nearest to the ego first."""
     away_m = np.hypot(floats(tracks, "lon_m") - ego.lon_m, floats(tracks, "lat_m") - ego.lat_m)
     tracks = tracks.iloc[np.argsort(away_m, kind="stable")]
-    places = np.stack([floats(tracks, "lon_m"), floats(tracks, "lat_m")], axis=-1)
     sizes = ELLIPSE_SCALE * strip.scale * np.stack([floats(tracks, "std_lon_m"), floats(tracks, "std_lat_m")], axis=-1)
-    hidden = (tracks["state"] == "hidden").tolist()
+    places = strip.place(tracks[["lon_m", "lat_m"]].to_numpy(dtype=np.float64))
     font = ImageFont.load_default(11 * SMOOTH)
-    drawn = strip.place(places), sizes.tolist(), hidden, tracks["track_id"].astype(str)
+    drawn = places, sizes.tolist(), tracks["state"] == "hidden", tracks["track_id"].astype(str)
     taken = np.zeros((0, 4))
     for (x, y), (along, across), dashed, number in zip(*drawn, strict=True):
         _draw_ellipse(strip.draw, (x - along, y - across, x + along, y + across), dashed)

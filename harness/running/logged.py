@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated, Any, TypedDict
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,11 +22,10 @@ from harness.common.errors import InputError
 from harness.common.isolation import trusted
 from harness.common.signals import signals_held
 from harness.config.layers import config_from_table, merged
-from harness.config.lists import MOST_SEED
 from harness.config.model import RecordingConfig, RunConfig, TrackerConfig, TrafficConfig
-from harness.config.options import Option
 from harness.running import complete
 from harness.running.evaluate import evaluation_of, write_run
+from harness.running.log_options import Logs
 from harness.running.nuscenes_boxes import nuscenes_scores
 from harness.running.replay import read_snapshots, snapshots_of
 from harness.running.resolve import resolve_run_config
@@ -46,36 +45,6 @@ from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
 NUMBERS = re.compile(r"_(m|s|mps|mps2|rad)$|^existence$")
 STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
-
-
-class Logs(TypedDict):
-    """What is scored, as the options of ``score`` say it."""
-
-    truth: Annotated[Path, Option("Truth: a run's folder, or a file or folder of a format.", default=...)]
-    tracks: Annotated[Path, Option("Tracks that a tracker reported.", default=...)]
-    detections: Annotated[
-        Path | None, Option("Detections that the tracker got. (default: the true positions in view)", metavar="PATH")
-    ]
-    ego: Annotated[
-        str | None,
-        Option("Vehicle that carries the sensor, or a file of its poses. (default: the column is_ego)", metavar="NAME"),
-    ]
-    format: Annotated[
-        str | None, Option("parquet, csv, kitti, mot, nuscenes or mcap. (default: by the content)", metavar="FORMAT")
-    ]
-    step: Annotated[
-        float | None,
-        Option("Seconds between frames with only a number. (default: 0.1)", metavar="SECONDS", least=0.001),
-    ]
-    sensor: Annotated[str | None, Option("Sensor profile whose range and field of view are used. (default: lidar)")]
-    settings: Annotated[
-        list[str] | None, Option("A setting of the sensor; repeatable.", flag="--set", metavar="sensor.KEY=VALUE")
-    ]
-    seed: Annotated[
-        int | None,
-        Option("Seed of the bootstrap intervals; with a run's truth, the run's. (default: 0)", least=0, most=MOST_SEED),
-    ]
-    name: Annotated[str | None, Option("What the tracker is called. (default: the file's name)")]
 
 
 @dataclass(frozen=True)
