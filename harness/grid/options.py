@@ -9,8 +9,8 @@ from typing import Annotated, Any, TypedDict
 
 from harness.config import options as shared
 from harness.config.options import Option, execution
-from harness.grid.worlds import USUAL
 
+USUAL = "usual"
 _grid = partial(Option, panel="The grid")
 
 

@@ -10,7 +10,7 @@ from harness.common.errors import InputError
 from harness.config.model import brings_its_own_demand
 from harness.config.options import setting_of, setting_words
 from harness.grid.grid import GridRequest
-from harness.grid.worlds import USUAL
+from harness.grid.options import USUAL
 from harness.truth.recorded.detected.av2 import argoverse_logs
 from harness.truth.recorded.detected.kitti import LABELS
 from harness.truth.recorded.fcd import declares_types

@@ -12,9 +12,10 @@ import re
 
 from harness.common.errors import InputError
 from harness.config.sensor import SensorSettings
+from harness.grid.options import USUAL
 from harness.storage.schema import AS_IS
 
-ALL, USUAL = "all", "usual"
+ALL = "all"
 Worlds = dict[str, tuple[str, ...]]
 
 
