@@ -114,7 +114,7 @@ def test_what_is_no_feather_or_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no feather file"):
         read_av2(tmp_path)
     path.unlink()
-    with pytest.raises(InputError, match="is missing"):
+    with pytest.raises(InputError, match="does not exist"):
         read_av2(tmp_path)
     (tmp_path / "log" / "annotations.feather").unlink()
     with pytest.raises(InputError, match="has no LOG"):

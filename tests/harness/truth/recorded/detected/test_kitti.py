@@ -153,7 +153,7 @@ def test_broken_files_are_named_with_what_is_wrong(
 def test_a_missing_file_is_named(tmp_path: Path, kind: str) -> None:
     folder = write_kitti(tmp_path)
     (folder / kind / "0000.txt").unlink()
-    with pytest.raises(InputError, match=f"{kind}/0000.txt is missing"):
+    with pytest.raises(InputError, match=f"{kind}/0000.txt does not exist"):
         read_kitti(folder)
 
 
