@@ -42,8 +42,8 @@ def to_confirm(components: Sources, places: Places, options: JointOptions) -> Bo
     """Return which components may be reported from now on, shape (m,)."""
     known = components.existence > REPORT_ABOVE
     known &= is_longer(components.detected_s, options.existence.confirm_s)
-    kinds = options.kinds
-    probable = components.vehicle > np.where(places.ahead, kinds.confirm_ahead_above, kinds.confirm_above)
+    least = np.where(places.ahead, options.path.confirm_ahead_above, options.kinds.confirm_above)
+    probable = components.vehicle > least
     return np.asarray(~components.confirmed & known & (probable | places.in_path | moved_along(components, options)))
 
 
@@ -54,9 +54,8 @@ def still_confirmed(components: Sources, improbable: BoolArray, options: JointOp
 
 def is_improbable(components: Sources, places: Places, options: JointOptions) -> BoolArray:
     """Return which components must not be reported, shape (m,)."""
-    kinds = options.kinds
-    least = np.where(places.ahead, kinds.withdraw_ahead_below, kinds.withdraw_below)
-    least = np.where(moved_along(components, options), kinds.withdraw_moved_below, least)
+    least = np.where(places.ahead, options.path.withdraw_ahead_below, options.kinds.withdraw_below)
+    least = np.where(moved_along(components, options), options.kinds.withdraw_moved_below, least)
     return np.asarray(~places.in_path & (components.vehicle_share < least))
 
 

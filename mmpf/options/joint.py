@@ -88,12 +88,8 @@ class JointKinds(Settings):
     """
     confirm_above: Probability = 0.5
     """Vehicle probability above which a component is reported."""
-    confirm_ahead_above: Probability = 0.2
-    """The same for one ahead of the ego; see ``JointPath.beside_m``."""
     withdraw_below: Probability = 0.2
     """Vehicle probability, given existence, below which a component outside the ego's path is not reported."""
-    withdraw_ahead_below: Probability = 0.08
-    """The same for one ahead of the ego."""
     withdraw_moved_below: Probability = 0.05
     """The same for an object that has moved: it may be a vehicle that took over the track of a false object."""
 
@@ -163,6 +159,10 @@ class JointPath(Settings):
     """Deceleration with which the ego then stops."""
     beside_m: NotNegative = 8.0
     """What the ego has still to pass nearer than this to its side counts as ahead: its lane and two on each side."""
+    confirm_ahead_above: Probability = 0.2
+    """Vehicle probability above which a component ahead is reported, in place of ``kinds.confirm_above``."""
+    withdraw_ahead_below: Probability = 0.08
+    """The same in place of ``kinds.withdraw_below``."""
 
 
 class JointManoeuvres(Settings):
