@@ -24,13 +24,16 @@ SCORES = {
     "coverage95_lon": "calibration.coverage95.lon",
     "recall": "in_plain_view.recall",
     "worst_tenth": "in_plain_view.worst_tenth",
+    "stopped": "in_plain_view.stopped_recall",
     "missed": "mot.missed",
     "hidden_cost_m": "hidden.hidden_cost_m",
     "false_tracks_per_scan": "mot.false_tracks_per_scan",
 }
 """Of each mean of a ``Cost`` the column of the grid."""
-LEADS = {"HOTA": HOTA, "worst tenth": SCORES["worst_tenth"]}
-"""The scores by which the first tracker is held against the others, both in points."""
+STOPPED = "stopped amid traffic"
+"""Column of the recall of stopped vehicles, which a table without any leaves out."""
+LEADS = {"HOTA": HOTA, "worst tenth": SCORES["worst_tenth"], STOPPED: SCORES["stopped"]}
+"""The scores by which the first tracker is held against the others, all in points."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Cost:
         runs: Number of runs that ended well.
         recall: Percent of vehicle-steps in plain view that have a reported track; nan of runs without that score.
         worst_tenth: The same of the worst tenth of vehicles.
+        stopped: The same of vehicles that stand while others drive; nan without any.
         missed: Missed vehicle-steps in sight a run.
     """
 
@@ -60,6 +64,7 @@ class Cost:
     hota_ci95: tuple[float, float] = field(default=(NAN, NAN))
     recall: float = NAN
     worst_tenth: float = NAN
+    stopped: float = NAN
     missed: float = NAN
     hidden_cost_m: float = NAN
     false_tracks_per_scan: float = NAN
@@ -150,6 +155,7 @@ COLUMNS: dict[str, Callable[[Cost], str]] = {
     "identity switches": lambda cost: number(cost.id_switches, 1),
     "recall in plain view": lambda cost: number(cost.recall, 1, " %"),
     "worst tenth": lambda cost: number(cost.worst_tenth, 1, " %"),
+    STOPPED: lambda cost: number(cost.stopped, 1, " %"),
     "missed": lambda cost: number(cost.missed, 0),
     "hidden cost, m": lambda cost: number(cost.hidden_cost_m, 2),
     "false tracks a scan": lambda cost: number(cost.false_tracks_per_scan, 2),
@@ -161,13 +167,16 @@ COLUMNS: dict[str, Callable[[Cost], str]] = {
 
 def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequence[Lead] = ()) -> str:
     """Return the table, a line for each tracker and mismatch, who is ahead by how much, and which runs failed."""
+    told = {
+        head: cell for head, cell in COLUMNS.items() if head != STOPPED or np.isfinite([c.stopped for c in found]).any()
+    }
     parts: list[PagePart] = [
         "# What mismatches cost",
         "Trackers assume the sensor's data sheet; a mismatch changes the true sensor, or the noise or map that "
         "trackers receive.\n"
         "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.\n"
         "Missed are vehicle-steps in sight, a run.",
-        markdown_table([*COLUMNS], [[cell(cost) for cell in COLUMNS.values()] for cost in found]),
+        markdown_table([*told], [[cell(cost) for cell in told.values()] for cost in found]),
     ]
     if ahead:
         heads = ("mismatch", "score", "first", "best of the others", "ahead of it, points", "runs")

@@ -81,6 +81,20 @@ def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world(
     assert {lead.mismatch for lead in leads(pd.DataFrame(rows[:2] + rows[4:]))} == {AS_IS}  # the first has no "posts"
 
 
+@pytest.mark.parametrize("stopped", [(80.0, 90.0), ()])
+def test_stopped_vehicles_are_told_of_where_there_are_some(stopped):
+    rows = [
+        {"variant": tracker, "model": None, "density": 10.0, "seed": 0, "mismatch": AS_IS, "mot.hota": 80.0}
+        | {"succeeded": True, "in_plain_view.stopped_recall": recall}
+        for tracker, recall in zip(("first", "second"), stopped or (None, None), strict=True)
+    ]
+    table = pd.DataFrame(rows)
+    ahead = [(lead.best_other, lead.ahead) for lead in leads(table) if lead.score == "stopped amid traffic"]
+    assert ahead == ([("second", -10.0)] if stopped else [])
+    page = costs_markdown(costs(table), [])
+    assert ("stopped amid traffic" in page, "80.0 %" in page) == (bool(stopped), bool(stopped))
+
+
 def test_worlds_are_chosen_by_name_and_as_is_comes_first():
     sensor = sensor_settings("lidar", {})
     chosen = chosen_worlds("posts, clutter x 5,dark", sensor, of_finished=False)
