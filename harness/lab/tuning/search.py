@@ -18,9 +18,11 @@ import json
 import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import cache, partial
 from importlib import import_module
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,7 @@ import tomli_w
 
 from harness.common.errors import InputError
 from harness.common.files import write_text
+from harness.common.isolation import end_with_parent
 from harness.config.model import RunConfig, SensorConfig
 from harness.lab.tuning import spaces
 from harness.lab.tuning.spaces import Options, Space, nested
@@ -268,6 +271,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--duration", type=float, default=12.0, help="seconds of each recording at the two densities")
     parser.add_argument("--sensor", default=SensorConfig().profile, help="sensor profile")
     parser.add_argument("--trials", type=int, default=TRIALS, help="settings tried for each tracker")
+    parser.add_argument("--workers", type=int, default=2, help="processes, each with one recording at a time")
     parser.add_argument("--write", action="store_true", help=f"put the outcome into {TUNED_FILE.name}")
     chosen = parser.parse_args(arguments)
     first, _, last = chosen.seeds.partition(":")
@@ -277,32 +281,33 @@ def main(arguments: Sequence[str] | None = None) -> None:
     trackers = list(spaces.SEARCH_SPACES) if chosen.tracker == "all" else chosen.tracker.split(",")
     if unknown := [name for name in trackers if name not in spaces.SEARCH_SPACES]:
         parser.error(f"--tracker {unknown[0]}: unknown; choose all, or from {names}")
-    if chosen.trials < 1:
-        parser.error("--trials: give 1 or more")
+    if chosen.trials < 1 or chosen.workers < 1:
+        parser.error("--trials and --workers: give 1 or more")
     batches = [recordings_of(seed, chosen.duration, chosen.sensor) for seed in seeds]
     recordings = [asdict(each) for batch in batches for each in batch]
-    for name in trackers:
+    with ProcessPoolExecutor(chosen.workers, get_context("spawn"), end_with_parent) as pool:
+        for name in trackers:
 
-        def follow_batch(options: Options, batch: int, name: str = name) -> list[Scores]:
-            return [follow(name, options, recording) for recording in batches[batch]]
+            def follow_batch(options: Options, batch: int, name: str = name) -> list[Scores]:
+                return list(pool.map(partial(follow, name, options), batches[batch]))
 
-        space = spaces.space_of(name)
-        try:
-            study = search(
-                spaces.starts_of(name), space, follow_batch, len(batches), chosen.trials, partial(refusal, name)
-            )
-        except InputError as error:
-            parser.error(f"{name}: {error}")
-        best = study.best_trial
-        ends = ", ".join(f"{key} ({end})" for key, end in ends_near(best.user_attrs["options"], space).items())
-        told = f"{best.value:.2f} in {len(study.trials)} trials: {json.dumps(best.user_attrs['options'])}"
-        sys.stdout.write(f"{name}: {told}; at the end of its range: {ends or 'none'}\n")
-        if chosen.write:
-            command = (
-                f"python -m harness.lab.tuning.search --tracker {name} --seeds {chosen.seeds} "
-                f"--duration {chosen.duration:g} --sensor {chosen.sensor} --trials {chosen.trials} --write"
-            )
-            write_outcome(TUNED_FILE, name, command, recordings, study, space)
+            space = spaces.space_of(name)
+            try:
+                study = search(
+                    spaces.starts_of(name), space, follow_batch, len(batches), chosen.trials, partial(refusal, name)
+                )
+            except InputError as error:
+                parser.error(f"{name}: {error}")
+            best = study.best_trial
+            ends = ", ".join(f"{key} ({end})" for key, end in ends_near(best.user_attrs["options"], space).items())
+            told = f"{best.value:.2f} in {len(study.trials)} trials: {json.dumps(best.user_attrs['options'])}"
+            sys.stdout.write(f"{name}: {told}; at the end of its range: {ends or 'none'}\n")
+            if chosen.write:
+                command = (
+                    f"python -m harness.lab.tuning.search --tracker {name} --seeds {chosen.seeds} "
+                    f"--duration {chosen.duration:g} --sensor {chosen.sensor} --trials {chosen.trials} --write"
+                )
+                write_outcome(TUNED_FILE, name, command, recordings, study, space)
 
 
 if __name__ == "__main__":
