@@ -291,7 +291,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             def follow_batch(options: Options, batch: int, name: str = name) -> list[Scores]:
                 return list(pool.map(partial(follow, name, options), batches[batch]))
 
-            space = spaces.space_of(name)
+            space = spaces.SEARCH_SPACES[name]
             try:
                 study = search(
                     spaces.starts_of(name), space, follow_batch, len(batches), chosen.trials, partial(refusal, name)

@@ -132,15 +132,9 @@ DEFAULTS_IN_CODE = frozenset({"mmpf"})
 """Trackers whose tuned settings are their defaults themselves: ``tuned.toml`` only tells how they were found."""
 
 
-def space_of(tracker: str) -> dict[str, Range | Choices]:
-    """Return what the search for a tracker's settings may change, of those that the tracker has."""
-    known = dict(fields_of(tracker_options(tracker)))
-    return {key: values for key, values in SEARCH_SPACES[tracker].items() if key in known}
-
-
 def starts_of(tracker: str) -> list[Options]:
     """Return where a tracker's search begins: its defaults, and what was found before."""
-    fields, space = dict(fields_of(tracker_options(tracker))), space_of(tracker)
+    fields, space = dict(fields_of(tracker_options(tracker))), SEARCH_SPACES[tracker]
     defaults = {key: fields[key].get_default() for key in space}
     known = {key: value for key, value in defaults.items() if value is not None}
     found = {key: value for key, value in leaves(tuned_options(tracker)) if key in space}

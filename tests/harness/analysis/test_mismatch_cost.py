@@ -83,12 +83,11 @@ def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world(
 
 @pytest.mark.parametrize("stopped", [(80.0, 90.0), ()])
 def test_stopped_vehicles_are_told_of_where_there_are_some(stopped):
-    rows = [
+    table = pd.DataFrame(
         {"variant": tracker, "model": None, "density": 10.0, "seed": 0, "mismatch": AS_IS, "mot.hota": 80.0}
         | {"succeeded": True, "in_plain_view.stopped_recall": recall}
         for tracker, recall in zip(("first", "second"), stopped or (None, None), strict=True)
-    ]
-    table = pd.DataFrame(rows)
+    )
     ahead = [(lead.best_other, lead.ahead) for lead in leads(table) if lead.score == "stopped amid traffic"]
     assert ahead == ([("second", -10.0)] if stopped else [])
     page = costs_markdown(costs(table), [])

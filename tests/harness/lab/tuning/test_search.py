@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.lab.tuning import search as tuning
 from harness.lab.tuning.search import main, mean_of, objective_of, search, write_outcome
-from harness.lab.tuning.spaces import SEARCH_SPACES, Range, space_of, starts_of
+from harness.lab.tuning.spaces import SEARCH_SPACES, Range, starts_of
 from harness.trackers.catalogue import TUNED_FILE
 
 SPACE = {"gate": Range(0.1, 10.0, log=True), "doubtful.on": (False, True), "doubtful.s": Range(0.0, 3.0)}
@@ -83,8 +84,7 @@ def test_the_written_outcome_reads_back_and_leaves_other_trackers_alone(tmp_path
 
 @pytest.mark.parametrize("tracker", SEARCH_SPACES)
 def test_each_search_begins_at_settings_that_the_tracker_has(tracker):
-    assert space_of(tracker)
-    assert all(start.keys() <= space_of(tracker).keys() for start in starts_of(tracker))
+    assert all(start.keys() <= SEARCH_SPACES[tracker].keys() for start in starts_of(tracker))
 
 
 @pytest.mark.parametrize(
@@ -101,6 +101,7 @@ def test_wrong_words_end_with_code_2_and_a_line_that_names_them(words, told, cap
 
 def test_the_command_tries_every_recording_and_writes_what_it_found(tmp_path, monkeypatch, capsys):
     followed = []
+    monkeypatch.setattr(tuning, "ProcessPoolExecutor", lambda *_: ThreadPoolExecutor(1))
     monkeypatch.setattr(tuning, "TUNED_FILE", tmp_path / "tuned.toml")
     monkeypatch.setattr(tuning, "refusal", lambda tracker, options: "")
     monkeypatch.setattr(tuning, "follow", lambda tracker, options, recording: followed.append(recording) or both(50.0))
