@@ -248,7 +248,7 @@ def compare(
         tolerance: Largest accepted loss, as a share of A's value.
         time_tolerance: Likewise of the time of a step, which is judged between trackers of one stress test.
         primary: Keys of the metrics that get a verdict; None for HOTA in sight, hidden cost, same
-            identity and the recall in plain view with that of the worst tenth of vehicles.
+            identity, hidden CRPS and the recall in plain view with that of the worst tenth of vehicles.
         allow_different: Whether different experiments are compared too; what differs is in the notes.
 
     Raises:

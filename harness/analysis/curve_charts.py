@@ -23,7 +23,8 @@ from harness.scoring.metrics.quantity import Quantity
 
 NOTE = (
     "Means over seeds with 95 % intervals. MAE is the mean absolute error, HOTA a score of detection and identity, and "
-    "hidden cost the mean position error of hidden vehicles, 10 m for one without a track."
+    "hidden cost the mean position error of hidden vehicles, 10 m for one without a track; hidden CRPS also "
+    "scores the deviations that tracks state."
 )
 HINT = "Point at a value to read it, click it to go to its runs; a click on a name shows its line alone."
 

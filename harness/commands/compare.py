@@ -68,10 +68,10 @@ class Options(TypedDict):
 def command(options: Options) -> int:
     """Decide whether B is worse than A, no worse, or undecided.
 
-    HOTA in sight, hidden cost, identities after occlusion and tracks in plain
-    view get a verdict, and within one stress test the time per step. "worse":
-    B is clearly worse by more than the tolerance, after a correction for the
-    number of verdicts. "no worse": no value in the 95 % interval is worse by
+    HOTA in sight, hidden cost and CRPS, identities after occlusion and tracks
+    in plain view get a verdict, and within one stress test the time per step.
+    "worse": B is clearly worse by more than the tolerance, after a correction
+    for the number of verdicts. "no worse": no value in the 95 % interval is worse by
     more than the tolerance. Otherwise "undecided", with the number of seeds
     that would decide. Other metrics are only in the files of --html
     and --markdown. Stress tests are paired by seed and setting, two single

@@ -179,7 +179,7 @@ NOTE = (
     "is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. Beyond {:g} %, "
     "the scale is logarithmic. A dot without a line has no interval. MAE is the mean absolute error; HOTA and IDF1 are "
     "scores of detection and identity together; hidden cost is the mean position error of hidden vehicles, 10 m for "
-    "one without a track."
+    "one without a track; hidden CRPS also scores the deviations that tracks state."
 )
 NOT_DRAWN = " Not shown, because a is 0: {}."
 HINT = "Point at a value to read it in its own unit."
