@@ -84,7 +84,7 @@ def export_run(
     if out is not None and name == "fcd" and out.name.endswith(XML_FILES):
         return _export_to_file(folder, exporter, out, force)
     if name not in OF_FOLDERS and (folder / RUNS).is_file():
-        told = f"{folder} is a stress test, which only {' and '.join(OF_FOLDERS)} take; give a run's folder"
+        told = f"{folder} holds many runs, which only {' and '.join(OF_FOLDERS)} take; give one run's folder"
         raise InputError(f"`folder`: {told} ('stress --keep runs' keeps them)")
     target = out if out is not None else folder / EXPORTS / re.sub(r"[^\w.+-]+", "-", name)
     replaces = force or out is None

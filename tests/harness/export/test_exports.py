@@ -513,4 +513,4 @@ def test_the_command_lists_the_files_and_refuses_what_it_does_not_know(folder, t
     assert run_command_line(["export", str(tmp_path), "--to", "csv"]) == WRONG_INPUT
     (tmp_path / "runs.parquet").touch()
     assert run_command_line(["export", str(tmp_path), "--to", "csv"]) == WRONG_INPUT
-    assert "is a stress test, which only mlflow and trackio take" in capsys.readouterr().err
+    assert "holds many runs, which only mlflow and trackio take" in capsys.readouterr().err
