@@ -294,7 +294,7 @@ def _guesses(verdicts: tuple[Verdict, ...]) -> list[str]:
     """Return where a judged score of hidden vehicles falls while false hidden tracks, not judged, increase."""
     fallen = {each.label for each in verdicts if each.metric in (COST, CRPS) and each.primary and each.ci95[1] < 0.0}
     unjudged = [each for each in verdicts if each.metric == FALSE_HIDDEN and not each.primary]
-    # In a single run nothing is known of its scatter.
+    # Where its scatter is unknown, as in single runs, the difference alone counts.
     more = [each for each in unjudged if (each.difference if np.isnan(each.ci95[0]) else each.ci95[0]) > each.margin]
     told = "b's hidden cost or hidden CRPS is smaller, and it has more false hidden tracks: guesses lower both."
     return [f"{each.label}: {told}" for each in more if each.label in fallen]

@@ -64,7 +64,7 @@ def write_film(run: RecordedRun, path: Path) -> None:
 
 
 def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> Image.Image:
-    """Return the picture of one step."""
+    """Return the picture of one step, from its rows of each table; of tracks, from the reported ones."""
     picture = Image.new("RGB", (SMOOTH * WIDTH, SMOOTH * HEIGHT), "white")
     ego = int(np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))[0])
     pose = frame_of(truth).ego_pose

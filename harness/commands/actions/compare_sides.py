@@ -108,7 +108,7 @@ def _is_comparison(path: Path) -> bool:
 
 
 def _check_free(path: Path | None, parameter: str, force: bool) -> None:
-    """Refuse a file in a folder that there is not, or to replace one that no comparison has written."""
+    """Refuse a file in a folder that does not exist, and one that no comparison has written unless forced."""
     if path is not None and not path.absolute().parent.is_dir():
         raise InputError(f"`{parameter}`: there is no folder {path.parent}; make it, or choose another file")
     if path is not None and not force and path.is_file() and path.stat().st_size and not _is_comparison(path):
