@@ -113,16 +113,15 @@ def test_a_vehicle_stays_as_probable_as_it_was_when_a_doubtful_one_detects_it(re
 
 
 @pytest.mark.parametrize("shares", [(0.7, 0.1), (0.1, 0.7)])
-def test_two_seen_that_are_one_are_as_probable_a_vehicle_as_the_more_probable_of_them(
-    shares: tuple[float, float],
-) -> None:
+def test_two_seen_that_are_one_keep_the_evidence_of_the_more_probable(shares: tuple[float, float]) -> None:
     mixture = elder_and_younger(1.0, (False, False), (0.0, 0.0))
     kinds = certain_vehicles(2) * np.array(shares)[:, None, None, None]
     kinds[:, STANDING, 0, 0] = 1.0 - np.array(shares)
-    components = replace(mixture.components, kinds=kinds)
-    merged = merged_after(replace(mixture, components=components), 3)
-    assert merged.components.track_id.tolist() == [ELDER]
-    assert merged.components.vehicle == pytest.approx(components.vehicle.max())
+    components = replace(mixture.components, kinds=kinds, stood_log=np.array([-1.0, -2.0]))
+    merged, best = merged_after(replace(mixture, components=components), 3).components, int(np.argmax(shares))
+    assert merged.track_id.tolist() == [ELDER]
+    for name in ("vehicle", "hits", "detected_s", "stood_log"):
+        assert getattr(merged, name) == pytest.approx(getattr(components, name)[best])
 
 
 @pytest.mark.parametrize(
