@@ -47,6 +47,7 @@ def test_boxes_are_as_large_turned_and_sure_as_the_detections(rows: np.ndarray) 
 def test_a_track_is_written_for_two_steps_without_a_detection_and_keeps_its_number(rows: np.ndarray) -> None:
     ahead = rows[rows[:, 16] == 9.0]
     steps = set(ahead[:, 0].astype(int))
+    assert min(steps) == 2, "until its third detection the track is tentative"
     assert steps & set(GAP) == {GAP[0], GAP[0] + 1}
     assert {GAP[-1] + 1, STEPS - 1} <= steps
     assert len(set(ahead[:, 1])) == 1

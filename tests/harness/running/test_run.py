@@ -132,13 +132,11 @@ def test_a_failure_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_path
     assert steady_traffic.closed
 
 
-@pytest.mark.parametrize("as_compiled_code_reports_it", [False, True])
-def test_an_interrupt_keeps_the_finished_steps_and_says_so(
-    as_compiled_code_reports_it, steady_traffic, tmp_path, monkeypatch
-):
+@pytest.mark.parametrize("compiled", [False, True])
+def test_an_interrupt_keeps_the_finished_steps_and_says_so(compiled, steady_traffic, tmp_path, monkeypatch):
     class Interrupted(EchoTracker):
         def step(self, scan):
-            if scan.time_s > 0.45 and as_compiled_code_reports_it:
+            if scan.time_s > 0.45 and compiled:  # as compiled code reports it
                 raise SystemError("a result with an exception set") from KeyboardInterrupt()
             if scan.time_s > 0.45:
                 raise KeyboardInterrupt
