@@ -159,9 +159,10 @@ def _occlusions(counts: Mapping[str, Any]) -> str:
     if not counts["events"]:
         return "No vehicle came back into view after an occlusion"
     elsewhere = (counts["survived"] or 0) - (counts["same_id"] or 0)
+    told = (("events", "occlusion"), ("same_id", "vehicle"))
+    events, vehicles = (f"{number(counts[key], 0)} {word}{'' if counts[key] == 1 else 's'}" for key, word in told)
     return (
-        f"After {number(counts['events'], 0)} occlusion{'s' if counts['events'] > 1 else ''}: "
-        f"{number(counts['same_id'], 0)} vehicles had the same track, {number(counts['lost'], 0)} none, "
+        f"After {events}: {vehicles} had the same track, {number(counts['lost'], 0)} none, "
         f"{number(counts['hijacked'], 0)} a track on another vehicle, {elsewhere:.0f} a track elsewhere"
     )
 

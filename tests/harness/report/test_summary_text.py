@@ -89,9 +89,9 @@ def test_brakings_stand_at_the_top_with_exact_intervals_and_only_where_a_driver_
 
 @pytest.mark.parametrize(
     ("events", "words"),
-    [(0, "No vehicle came back into view after an occlusion"), (1, "After 1 occlusion: 0 vehicles had the same track")],
+    [(0, "No vehicle came back into view after an occlusion"), (1, "After 1 occlusion: 1 vehicle had the same track")],
 )
 def test_occlusions_are_told_in_a_sentence_also_without_any(run, tmp_path, events, words, capsys):
-    counts = dict.fromkeys(("survived", "same_id", "lost", "hijacked"), 0) | {"events": events}
+    counts = {"events": events, "survived": events, "same_id": events, "lost": 0, "hijacked": 0}
     print_summary(run.metrics | {"occlusion": counts}, tmp_path)
     assert words in capsys.readouterr().err
