@@ -88,6 +88,9 @@ def run_command_line(arguments: Sequence[str]) -> int:
         )
         print(f"{line}; pip install -e {checkout} to run that", file=sys.stderr)  # noqa: T201
     group = get_group(application(called))
+    for command in filter(None, (group, group.commands.get(called or ""))):
+        if (asked := command.get_help_option(typer.Context(command))) is not None:
+            asked.metavar = ""  # a flag takes no value
     with ends_like_ctrl_c():
         return _outcome(group, arguments, called)
 

@@ -122,6 +122,7 @@ def test_every_listed_command_can_be_called_for_help(capsys):
         code, out, _ = complaint([name, "--help"], capsys)
         assert code == 0
         assert name in out
+        assert "<bool>" not in out, "flags take no value"
 
 
 def test_nets_lists_networks_and_demands_for_people_and_programs(capsys):
