@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 import os
+import sysconfig
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
 from harness.common.errors import RunError
@@ -18,6 +19,7 @@ if TYPE_CHECKING:  # `--help` answers sooner without pydantic
 
 MOST_NAMED = 8
 PACKAGES = {"harness", "mmpf"}
+INSTALLED = tuple(sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib"))
 
 
 def nearest(key: str, known: Sequence[str], listed: str = "`python -m harness settings` lists them") -> str:
@@ -64,13 +66,24 @@ def shown(value: object, most: int = 60) -> str:
 
 
 def what_it_raised(error: BaseException) -> str:
-    """Return an exception of external code on one line: its text, and the file and line that raised it."""
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f", {Path(frames[-1].filename).name} line {frames[-1].lineno}" if frames else ""
+    """Return an exception of external code on one line: its text, and the line of the user's code that it came from.
+
+    Where no such line is found, the line that raised it.
+    """
+    frames = list(traceback.walk_tb(error.__traceback__))
+    users = [(frame, line) for frame, line in frames if _is_users(frame)]
+    innermost = (users or frames)[-1:]
+    place = "".join(f", {Path(frame.f_code.co_filename).name} line {line}" for frame, line in innermost)
     text = "it has no text"
     with suppress(Exception):
         text = str(error)
     return " ".join(f"{type(error).__name__}: {text}{place}".split())
+
+
+def _is_users(frame: FrameType) -> bool:
+    """Return whether a frame is neither of this program nor of an installed or standard module."""
+    file, package = frame.f_code.co_filename, frame.f_globals.get("__name__", "").partition(".")[0]
+    return Path(file).is_absolute() and package not in PACKAGES and not file.startswith(INSTALLED)
 
 
 def is_own_fault(error: BaseException) -> bool:

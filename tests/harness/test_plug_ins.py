@@ -258,7 +258,7 @@ def test_a_motion_model_may_return_numbers_of_any_kind_and_order(laid_out):
     [
         ("tracker", "def make(setting, options): return {}['gain']", "can't be built (KeyError: 'gain', odd_parts.py"),
         ("tracker", "def make(road): return None", "with two arguments, setting (what the tracker may know) and"),
-        ("sensor", "def make(): return {}['range']", "creating it failed (KeyError: 'range', odd_parts.py line 1"),
+        ("sensor", "def make(): return __import__('json').loads('{')", "line 1 column 2 (char 1), odd_parts.py line 1"),
         ("sensor", "def make(which): return None", "missing 1 required positional argument: 'which'"),
         ("sensor", "def make(): return None", "it returned NoneType, not SensorSettings"),
         ("model", "def make(): return {}['weights']", "can't be built (KeyError: 'weights', odd_parts.py line"),
