@@ -55,7 +55,7 @@ class Numbers:
         if plain and not (self.whole or self.rising):
             return  # by far the most common, in files of networks
         found = np.asarray(values)
-        if found.dtype.kind not in "iuf":
+        if found.size and found.dtype.kind not in "iuf":
             odd = next((each for each in found.ravel().tolist() if not _is_number(each)), "texts")
             raise ValueError(f"{name} holds {repr(odd)[:40]}, not numbers")
         rows = found.reshape(len(found) if found.ndim else 1, -1).astype(np.float64) if found.size else np.zeros((0, 1))

@@ -45,6 +45,8 @@ from mmpf.tracks import CONFIRMED, TRACK_STATES, Tracks
 
 NUMBERS = re.compile(r"_(m|s|mps|mps2|rad)$|^existence$")
 STDS = ("std_lon_m", "std_lat_m", "std_speed_mps")
+LEAST_PLACED = 0.01
+"""Which share of a log's rows are at a time of the truth at least: times in milliseconds agree at one in thousands."""
 
 
 @dataclass(frozen=True)
@@ -238,8 +240,9 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
     rows = complete.with_times(rows, against.moments)
     placed = complete.on_clock(rows, clock)
     placed = placed.loc[placed.sort_values("off", kind="stable").drop_duplicates(["step", "id"]).index.sort_values()]
-    if len(rows) and not len(placed):
-        raise InputError("`tracks`: no time of the log is one of the truth; are both on one clock, in seconds?")
+    if len(placed) < LEAST_PLACED * len(rows):
+        found = f"{len(placed)} of the log's {len(rows)} rows are at a time of the truth"
+        raise InputError(f"`tracks`: {found}; are both on one clock, in seconds?")
     left_out = len(rows) - len(placed)
     placed = placed.reset_index(drop=True)
     if not pd.api.types.is_integer_dtype(placed["id"]):

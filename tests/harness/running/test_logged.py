@@ -397,7 +397,7 @@ BROKEN = {
     "empty.csv": b"", "garbage.csv": b"\x00\xff\x13" * 50, "no_place.csv": b"time_s,track_id\n0.0,1\n",
     "no_number.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,here,0\n",
     "infinite.csv": b"time_s,track_id,lon_m,lat_m\n0.0,1,inf,0\n",
-    "other_clock.csv": b"time_s,track_id,lon_m,lat_m\n1e6,1,1.0,0\n",
+    "ms.csv": b"time_s,track_id,lon_m,lat_m\n" + b"".join(b"%d,1,1,0\n" % (100 * step) for step in range(200)),
     "half.txt": b"1,1.5,-1,-1,-1,-1,1,1.0,0,-1\n", "far.txt": b"0 1e20 Car 0 0 0 0 0 0 0 1.5 1.8 4.4 0 1.6 20 0\n",
     "no_share.csv": b"time_s,track_id,lon_m,lat_m,existence\n0.1,7,1.0,0,\n",
     "half.csv": b"time_s,track_id,lon_m,lat_m\n0.0,4.5,1.0,0\n",
