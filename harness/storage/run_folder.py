@@ -186,6 +186,10 @@ def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
     Raises:
         InputError: It can't be read.
     """
+    if folder.is_dir() and not (folder / CONFIG).exists():
+        raise InputError(
+            f"`{parameter}`: {folder} has no {CONFIG}; give one run's folder (`stress --keep runs` keeps them)"
+        )
     return read_toml(folder / CONFIG, parameter)
 
 
