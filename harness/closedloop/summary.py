@@ -271,5 +271,5 @@ def drive_charts(found: Sequence[Score]) -> Charts:
         if rows:
             tooltip = (("place", "driven by"), ("series", "episodes"), ("mean", title))
             charts.append(curves(title, f"{title}, by belief", "driven by", rows, lines, tooltip))
-    note = "Means with 95 % intervals over seeds. Where all episodes have 0, the bar is what so few leave possible."
+    note = "Means with 95 % intervals over seeds. Where all episodes have 0, the bar shows what so few do not rule out."
     return Charts(tuple(charts), lines, note)

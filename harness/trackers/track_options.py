@@ -19,7 +19,7 @@ from mmpf.tracks import Tracks
 
 
 class KalmanOptions(Settings):
-    """Settings of Kalman filters, of the oracle's too."""
+    """Settings of all Kalman filters."""
 
     lon_noise: Annotated[Positive, in_unit("m²/s³")] = 1.0
     """Power spectral density of the longitudinal acceleration."""
@@ -74,8 +74,8 @@ class ExistenceOptions(RivalOptions):
     reported_existence: Probability = 0.5
     """Existence probability from which a track is reported."""
     least_existence: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-3
-    """A track with a lower existence probability ends; in ``pmbm`` a hypothesis, at the latest with a tenth of a new
-    vehicle's.
+    """A track (in ``pmbm`` a hypothesis) with a lower existence probability ends. In ``pmbm`` one tenth of a new
+    vehicle's probability is the largest limit.
     """
 
 

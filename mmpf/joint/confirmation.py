@@ -1,11 +1,6 @@
-"""Which components are reported: probable vehicles, objects that move with traffic, and objects in the ego's path.
-
-Ahead of the ego, in its lane or near it, a vehicle that is withheld may be hit: less probable ones are reported there.
-"""
+"""Which components are reported: probable vehicles, objects that move with traffic, and objects in the ego's path."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,25 +21,18 @@ SAME_PLACE_SHARE, KNOWN_PLACE_STD_LON_M = 0.75, 1.0
 """No component is confirmed within this share of a length and a width of a confirmed one with a smaller spread."""
 
 
-class Places(NamedTuple):
-    """Where m components lie against the ego's way.
+def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
+    """Return which components may be reported from now on, shape (m,).
 
-    Attributes:
-        in_path: In the ego's path: these are reported with any probability of a vehicle, shape (m,).
-        ahead: In its lane or near it, and not passed yet, shape (m,).
+    Args:
+        components: The components.
+        in_path: Which lie in the ego's path: these are reported with any probability of a vehicle, shape (m,).
+        options: Settings of the joint rule.
     """
-
-    in_path: BoolArray
-    ahead: BoolArray
-
-
-def to_confirm(components: Sources, places: Places, options: JointOptions) -> BoolArray:
-    """Return which components may be reported from now on, shape (m,)."""
     known = components.existence > REPORT_ABOVE
     known &= is_longer(components.detected_s, options.existence.confirm_s)
-    least = np.where(places.ahead, options.path.confirm_ahead_above, options.kinds.confirm_above)
-    probable = components.vehicle > least
-    return np.asarray(~components.confirmed & known & (probable | places.in_path | moved_along(components, options)))
+    probable = components.vehicle > options.kinds.confirm_above
+    return np.asarray(~components.confirmed & known & (probable | in_path | moved_along(components, options)))
 
 
 def still_confirmed(components: Sources, improbable: BoolArray, options: JointOptions) -> BoolArray:
@@ -52,11 +40,10 @@ def still_confirmed(components: Sources, improbable: BoolArray, options: JointOp
     return np.asarray(components.confirmed & (~improbable | moved_along(components, options)))
 
 
-def is_improbable(components: Sources, places: Places, options: JointOptions) -> BoolArray:
-    """Return which components must not be reported, shape (m,)."""
-    least = np.where(places.ahead, options.path.withdraw_ahead_below, options.kinds.withdraw_below)
-    least = np.where(moved_along(components, options), options.kinds.withdraw_moved_below, least)
-    return np.asarray(~places.in_path & (components.vehicle_share < least))
+def is_improbable(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
+    """Return which components must not be reported, shape (m,); arguments are those of ``to_confirm``."""
+    least = np.where(moved_along(components, options), options.kinds.withdraw_moved_below, options.kinds.withdraw_below)
+    return np.asarray(~in_path & (components.vehicle_share < least))
 
 
 def moved_along(components: Sources, options: JointOptions) -> BoolArray:
@@ -69,8 +56,8 @@ def moved_along(components: Sources, options: JointOptions) -> BoolArray:
     return np.asarray(moved & is_longer(components.detected_s, options.kinds.moved_s))
 
 
-def places_of(components: Components, moments: Moments, plane: SensorPlane, options: JointPath) -> Places:
-    """Return where components lie against the ego's way.
+def lies_in_path(components: Components, moments: Moments, plane: SensorPlane, options: JointPath) -> BoolArray:
+    """Return which components lie in the ego's path, shape (m,).
 
     The path is as wide as the ego and a margin on both sides, and as long as the ego needs to stop.
 
@@ -85,9 +72,7 @@ def places_of(components: Components, moments: Moments, plane: SensorPlane, opti
     speed = max(ego.speed_mps, 0.0)
     length_m = options.gap_m + options.reaction_s * speed + 0.5 * speed**2 / options.braking_mps2
     width_m = 0.5 * (ego.width_m + components.width_m) + options.margin_m
-    in_path = (along > 0.0) & (along < length_m) & (np.abs(across) < width_m)
-    ahead = (along > -0.5 * (ego.length_m + components.length_m)) & (np.abs(across) < options.beside_m)
-    return Places(np.asarray(in_path), np.asarray(ahead))
+    return np.asarray((along > 0.0) & (along < length_m) & (np.abs(across) < width_m))
 
 
 def stands_on_another(components: Components, moments: Moments) -> BoolArray:

@@ -9,7 +9,7 @@ from mmpf.joint.false_objects import FalseObjects
 from mmpf.joint.kinds import FALSE, VEHICLE, Sightings, bounded, normalised, relaxed_shading, weighed
 from mmpf.joint.overlap import driven_through, overlapping, probability_on_ego
 from mmpf.joint.sources import Sources
-from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_among, stopped_shares
+from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointOptions
@@ -18,8 +18,7 @@ from mmpf.stages.update_rule import Situation
 OVERLAP_SHARE = 0.6
 """Two objects nearer than this share of a length and a width cannot both be vehicles."""
 OVERLAP_PER_S = 3.0
-"""Log odds per second that the less probable of the two loses if the other is certainly a vehicle, and that any
-object on the ego loses."""
+"""Log odds that the less probable of the two loses per second; on the ego itself every object loses them."""
 
 
 def ended_meanwhile(
@@ -82,7 +81,7 @@ def kinds_after(
     if joint.kinds.weighed:
         seen = sources.unseen_s == 0.0
         usual = stopped_shares(moments, situation.plane.road, joint.speeds)
-        usual = stopped_among(before, moments, learned.standing_share(usual, joint.vehicles))
+        usual = learned.standing_share(usual, joint.vehicles)
         stopped = usual * before.standing_ratio / (1.0 - usual + usual * before.standing_ratio)
         stood_log = np.where(seen, stood_log_after(stood_log, moments), stood_log)
         now = log_speed_likelihoods(moments, situation.traffic, options.birth.local_range_m, stopped, stood_log)
@@ -99,16 +98,15 @@ def kinds_after(
 def _overlap_loss(sources: Sources, moments: Moments, options: FilterOptions, situation: Situation) -> FloatArray:
     """Return the log odds of a vehicle that components lose by lying where another or the ego is, shape (m,).
 
-    Of two visible ones that stay there the less probable loses in proportion to the probability that the other is a
-    vehicle. Where one drives through the other they cannot both be vehicles: on the whole way each one's odds are
-    multiplied by the probability that the other is none, or that they do not touch. On the ego every component loses,
-    hidden or not.
+    Of two visible ones that stay there the less probable loses. Where one drives through the other they cannot both be
+    vehicles: on the whole way each one's odds are multiplied by the probability that the other is none, or that they do
+    not touch. On the ego every component loses, hidden or not.
     """
     joint, share, dt_s = options.joint, sources.vehicle_share, situation.dt_s
     is_seen = sources.unseen_s <= options.reporting.hidden_after_s
     overlaps = overlapping(sources, moments, OVERLAP_SHARE)
     overlaps &= is_seen[:, None] & is_seen & (share[:, None] < share)
-    stays = OVERLAP_PER_S * dt_s * (overlaps * sources.vehicle).max(axis=1, initial=0.0)
+    stays = np.where(np.asarray(overlaps.any(axis=1)), OVERLAP_PER_S * dt_s, 0.0)
     touch, share_of_way = driven_through(sources, moments, joint.merging.speed_mps, dt_s)
     passes = -(share_of_way * np.log1p(-touch * (sources.vehicle * is_seen))).sum(axis=1)
     on_ego = probability_on_ego(sources, moments, situation.plane, OVERLAP_SHARE)

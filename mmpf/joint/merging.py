@@ -23,10 +23,6 @@ EXISTENCE_ABOVE = 0.3
 VEHICLE_ABOVE = 0.2
 """A less probable vehicle is not merged with a hidden one, so that no false object takes over its track."""
 
-EVIDENCE: tuple[str, ...] = ("existence", "kinds", "ended", "hits", "detected_s", "born_in_view", "standing_ratio")
-EVIDENCE += ("speed_log", "stood_log", "score_log")
-"""What detections say about whether a component is a vehicle."""
-
 
 def merge_lasting_overlaps(
     mixture: Mixture,
@@ -92,25 +88,11 @@ def merge_lasting_overlaps(
         better, worse = sorted((a, b), key=lambda m: (components.unseen_s[m], -components.hits[m]))
         if confirmed[worse] and not confirmed[better]:
             components = with_known_vehicles(components, moments, np.array([better]), np.array([worse]), np.ones(1))
-        elif components.vehicle[worse] > components.vehicle[better]:
-            components = _with_evidence_of(components, better, worse)
         track_id[better], confirmed[better] = track_id[elder], confirmed[elder]
         keep[worse] = False
         components = with_measured_sizes(components, np.array([better]), sizes_of(components, np.array([worse])))
     updated = components.having(track_id=track_id, confirmed=confirmed, overlap_with=partner, overlap_s=overlap_s)
     return replace(mixture, components=updated), keep
-
-
-def _with_evidence_of(components: Sources, heir: int, other: int) -> Sources:
-    """Return the components after one of them has taken over what another's detections say about its kind.
-
-    Both followed one source. The less probable one lost its odds because it began where the other was known already, or
-    because it overlapped the other: neither is evidence if they are one.
-    """
-    columns = {name: getattr(components, name).copy() for name in EVIDENCE}
-    for values in columns.values():
-        values[heir] = values[other]
-    return components.having(**columns)
 
 
 def heads_the_same_way(one_rad: FloatArray, other_rad: FloatArray) -> BoolArray:

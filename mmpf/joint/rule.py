@@ -17,7 +17,7 @@ from mmpf.belief.moments import Moments, component_moments, effective_sizes
 from mmpf.belief.resampling import resample_smoothly
 from mmpf.belief.sizes import with_measured_sizes
 from mmpf.joint.association import Marginals, associate, mean_entropy
-from mmpf.joint.confirmation import is_improbable, places_of, stands_on_another, still_confirmed, to_confirm
+from mmpf.joint.confirmation import is_improbable, lies_in_path, stands_on_another, still_confirmed, to_confirm
 from mmpf.joint.evidence import (
     association_evidence,
     clutter_densities,
@@ -215,8 +215,8 @@ class JointUpdate:
         joint, sources = self.joint, sources_of(mixture)
         if len(sources) == 0:
             return Finetuned(mixture, moments=moments)
-        places = places_of(sources, moments, situation.plane, joint.path)
-        confirmed_now, improbable = (judge(sources, places, joint) for judge in (to_confirm, is_improbable))
+        in_path = lies_in_path(sources, moments, situation.plane, joint.path)
+        confirmed_now, improbable = (judge(sources, in_path, joint) for judge in (to_confirm, is_improbable))
         stays = still_confirmed(sources, improbable, joint)
         withdrawn = sources.withdrawn | (sources.confirmed & ~stays)
         sources = sources.having(confirmed=stays, withdrawn=withdrawn, improbable=improbable)

@@ -157,12 +157,6 @@ class JointPath(Settings):
     """Reaction time before the ego brakes."""
     braking_mps2: Positive = 3.0
     """Deceleration with which the ego then stops."""
-    beside_m: NotNegative = 8.0
-    """What the ego has still to pass nearer than this to its side counts as ahead: its lane and two on each side."""
-    confirm_ahead_above: Probability = 0.2
-    """Vehicle probability above which a component ahead is reported, in place of ``kinds.confirm_above``."""
-    withdraw_ahead_below: Probability = 0.08
-    """The same in place of ``kinds.withdraw_below``."""
 
 
 class JointManoeuvres(Settings):

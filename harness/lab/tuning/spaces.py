@@ -73,7 +73,7 @@ _MMPF: Space = {
     "joint.association.birth_density": _log_range(0.01, 2.0),
     "joint.association.gate_std": Range(3.0, 7.0),
     "joint.kinds.confirm_above": _log_range(0.1, 0.9),
-    "joint.path.confirm_ahead_above": _log_range(0.05, 0.6),
+    "joint.kinds.withdraw_below": _log_range(0.03, 0.5),
     "joint.existence.confirm_s": Range(0.0, 0.9),
     "joint.removal.longest_unseen_s": _log_range(4.0, 20.0),
     "joint.identity.unknown_density": _log_range(1e-6, 1e-3),
