@@ -14,7 +14,7 @@ import pandas as pd
 from harness.common.errors import InputError
 
 TIMES = ("timing.", "total_s", "wall_times_s", "ms_p50", "ms_p95")
-LATER = (", decisions.", ", conflicts.")
+LATER = (", decisions.", ", conflicts.", "hidden_crps_m")
 """Columns of metrics that came after most references were made."""
 TABLE, NUMBERS = "runs.parquet", "results.json"
 SETTING = ("net", "density", "demand", "mismatch", "variant", "model", "update")
