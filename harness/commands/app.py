@@ -135,7 +135,7 @@ def _told(error: BaseException) -> tuple[str, int]:
         case Exception() if told_to_end():
             told = "interrupted", code_of_end()
         case TyperException():
-            message = error.format_message().rstrip(".")
+            message = error.format_message().rstrip(".").replace("argument(s)", "words, or a list without commas")
             told = (
                 f"{message}{'' if message.endswith('?') else ';'} --help has options and examples",
                 exit_codes.WRONG_INPUT,
