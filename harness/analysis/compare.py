@@ -226,8 +226,8 @@ def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
     for key in rules.primary:
         if key not in known:
             told = nearest(str(key), list(known), "docs/reference/metrics.md lists them")
-            option = "gate" if key in rules.limits else "primary"
-            raise InputError(f"`{option}` {key}: no such metric is compared{told}")
+            option, own = ("gate", "") if key in rules.limits else ("primary", f" (your own: MODULE:{key})")
+            raise InputError(f"`{option}` {key}: no such metric is compared{own}{told}")
         rules.limit(known[key]).check(known[key])
     return rules
 
