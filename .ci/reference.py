@@ -21,6 +21,7 @@ import importlib
 import json
 import os
 import platform
+import re
 import shlex
 import shutil
 import subprocess
@@ -200,6 +201,8 @@ MAKING = Path("results") / "making"
 MOST_TOLD = 5
 KEPT = (".json", ".md", ".parquet", ".png", ".svg")
 LEFT_OUT = ("runs",)
+LINK_TO_PAGE = re.compile(r"\[[^\]]*\]\([^):]*\.html[^)]*\)")
+"""A link to a page of the making: pages are not kept."""
 
 Execute = Callable[[list[str], Path], object]
 """Runs a command's words so that it writes into a folder; raises where it fails."""
@@ -252,6 +255,9 @@ def keep(reference: Reference, made: Path, into: Path) -> set[Path]:
             (into / name).parent.mkdir(parents=True, exist_ok=True)
             with replacing(into / name) as temporary:
                 shutil.copyfile(file, temporary)
+                if file.suffix == ".md":
+                    text = LINK_TO_PAGE.sub("not kept", file.read_text(encoding="utf-8"))
+                    Path(temporary).write_text(text, encoding="utf-8")
             copies.add(into / name)
     return copies | {into / MANIFEST}
 

@@ -64,13 +64,14 @@ class Stress:
         (out / "runs" / "row.json").write_text("{}")
         (out / "report.html").write_text("")
         (out / ".ledger.json").write_text("{}")
-        (out / "table.md").write_text(f"{len(self.calls)}\n")
+        (out / "table.md").write_text(f"{len(self.calls)}, [look](kept/a/report.html#t=1), [b](b.md)\n")
         (out / "manifest.json").write_text(json.dumps({"git_revision": "x-dirty", "command": "harness stress"}))
 
 
 def test_a_reference_holds_tables_and_the_revision_and_the_one_command_that_makes_it(tree: Path) -> None:
     kept = make_reference(TABLE, tree, Stress())
     assert sorted(file.name for file in kept.iterdir()) == ["manifest.json", "table.md"]
+    assert (kept / "table.md").read_text() == "1, not kept, [b](b.md)\n"
     manifest = json.loads((kept / "manifest.json").read_text())
     head = subprocess.run(["git", "-C", str(tree), "rev-parse", "HEAD"], check=True, capture_output=True, text=True)
     assert manifest["git_revision"] == head.stdout.strip()
