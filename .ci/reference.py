@@ -202,7 +202,7 @@ MOST_TOLD = 5
 KEPT = (".json", ".md", ".parquet", ".png", ".svg")
 LEFT_OUT = ("runs",)
 LINK_TO_PAGE = re.compile(r"\[[^\]]*\]\([^):]*\.html[^)]*\)")
-"""A link to a page of the making: pages are not kept."""
+"""A link to an HTML page beside a table: such pages are not kept."""
 
 Execute = Callable[[list[str], Path], object]
 """Runs a command's words so that it writes into a folder; raises where it fails."""
