@@ -194,7 +194,7 @@ class _Loop:
         passage = self.passage
         if passage is None:
             flow_mps = self.planned.flow_mps
-            with_stops = _as_is if flow_mps is None else partial(_limited, flow_mps=flow_mps)
+            with_stops = (lambda belief: belief) if flow_mps is None else partial(_limited, flow_mps=flow_mps)
             return with_stops, with_stops
         course = EgoPath.of(passage.route, ego)
         holds, must = passage.room_m(course, told, unseen), passage.room_m(course, real)
@@ -223,10 +223,6 @@ class _Loop:
         self._frame = frame
         rng = np.random.default_rng(_child(self.noise, frame.step))
         return Snapshot(frame, self.sensor.observe(frame, self.traffic.network.road, rng))
-
-
-def _as_is(belief: Belief) -> Belief:
-    return belief
 
 
 def _limited(belief: Belief, flow_mps: float) -> Belief:

@@ -162,7 +162,6 @@ def flow_of(cell: Cell) -> float | None:
 
 
 def _drawn_flow(seed: int) -> float:
-    """Return the speed at which a seed's traffic flows."""
     return float(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FLOW_STREAM,))).choice(FLOWS_MPS))
 
 

@@ -178,7 +178,7 @@ def application(called: str | None) -> typer.Typer:
             if name == called:
                 application.command(name, rich_help_panel=panel)(typer_command(COMMANDS[name]))
             else:
-                application.command(name, help=about, rich_help_panel=panel)(_not_called)
+                application.command(name, help=about, rich_help_panel=panel)(lambda: None)
     return application
 
 
@@ -191,10 +191,6 @@ def _without_command(
         print(f"mmpf-harness {installed_version('mmpf-harness')}")  # noqa: T201
     elif context.invoked_subcommand is None:
         print(context.get_help())  # noqa: T201
-
-
-def _not_called() -> None:
-    """Stand in the overview for a command that this call does not use."""
 
 
 def _as_typed(message: str, group: TyperGroup, called: str | None) -> str:

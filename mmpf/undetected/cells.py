@@ -9,7 +9,6 @@ import numpy as np
 
 from mmpf.map.corridor_road import CorridorRoad
 from mmpf.map.graph_road import LaneGraphRoad
-from mmpf.map.lane_graph import LaneGraph
 from mmpf.map.road import Road
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -116,6 +115,8 @@ def _(road: LaneGraphRoad) -> tuple[LaneCells, Links]:
     entry = np.zeros(len(of_lane), dtype=np.bool_)
     entry[first[~entered[: len(counts)]]] = True
     x, y, heading = graph.place(of_lane, along, np.zeros(len(of_lane)))
+    # Within junctions nobody queues.
+    to_line_m = np.where(graph.in_junction, np.inf, graph.length_m)[of_lane] - along + graph.to_stop_line_m[of_lane]
     cells = LaneCells(
         lane=of_lane + 1,
         lon_m=x,
@@ -123,7 +124,7 @@ def _(road: LaneGraphRoad) -> tuple[LaneCells, Links]:
         heading_rad=heading,
         length_m=length,
         share=share[of_lane],
-        before_stop_m=_before_stop(graph, of_lane, along),
+        before_stop_m=to_line_m,
         entry=entry,
         **_in_stretches(of_lane),
     )
@@ -132,11 +133,6 @@ def _(road: LaneGraphRoad) -> tuple[LaneCells, Links]:
         target=np.concatenate([target, first[link_to]]),
         share=np.concatenate([np.ones(len(source)), 1.0 / ways[link_from]]),
     )
-
-
-def _before_stop(graph: LaneGraph, lane: IntArray, along_m: FloatArray) -> FloatArray:
-    """Return the distance to the next stop line, infinite within junctions because nobody queues there, shape (n,)."""
-    return np.where(graph.in_junction[lane], np.inf, graph.length_m[lane] - along_m + graph.to_stop_line_m[lane])
 
 
 def _pieces(length_m: float) -> int:

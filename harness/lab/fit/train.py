@@ -29,6 +29,7 @@ from mmpf.motion.learned import empirical, recurrent, residual
 from mmpf.motion.learned.driver import LearnedDriver, load_learned_driver, save_driver, with_follower
 from mmpf.motion.learned.follower import Follower
 from mmpf.motion.learned.lane_changer import CHANGE
+from mmpf.motion.learned.network_file import save_network
 from mmpf.motion.learned.short_driver import SHORT, short_term_driver
 from mmpf.motion.learned.trial import check_that_it_drives
 
@@ -171,14 +172,14 @@ def _train_follower(
     limits: Sequence[str]
     if plan.case == RESIDUAL:
         follower = residual.ResidualFollower(unrolled.fit_residual(windows, plan.seed, say))
-        residual.save_residual(path, follower.network)
+        save_network(path, residual.CASE, follower.network._asdict())
         title, limits = "IDM and a network (`residual`, ours)", RESIDUAL_LIMITS
         fit = f"{unrolled.ITERATIONS} steps of Adam on the score of {unrolled.WINDOWS} rollouts of 10 s, "
         fit += f"{unrolled.PARTICLES} particles each; seed {plan.seed}"
         size = f"{residual.INPUTS} inputs, two layers of {unrolled.HIDDEN_UNITS} units, one output"
     elif plan.case == RECURRENT:
         follower = recurrent.RecurrentFollower(recurrent_fit.fit_recurrent(windows, plan.seed, say))
-        recurrent.save_recurrent(path, follower.network)
+        save_network(path, recurrent.CASE, follower.network._asdict())
         title, limits = "IDM and a network with a memory (`recurrent`, ours)", RECURRENT_LIMITS
         fit = f"{recurrent_fit.ITERATIONS} steps of Adam on the score of {unrolled.WINDOWS} rollouts of up to 10 s, "
         fit += f"{unrolled.PARTICLES} particles each, by JAX; seed {plan.seed}"

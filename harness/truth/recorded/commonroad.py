@@ -61,7 +61,11 @@ def read_commonroad(path: Path) -> ReadTraffic:
         posts = {post.attrib["id"]: _signs(post) for post in root.findall("trafficSign")}
         lanelets = [_lanelet(each, posts) for each in root.findall("lanelet") if each.find("leftBound") is not None]
         reasons = [(each, _reason_to_leave_out(each)) for each in root if each.tag in OBSTACLES]
-        kept = [(_stands(each), _obstacle(each)) for each, reason in reasons if reason is None]
+        kept = [
+            (each.tag == "staticObstacle" or each.findtext("role") == "static", _obstacle(each))
+            for each, reason in reasons
+            if reason is None
+        ]
     obstacles, standing = ([each for stands, each in kept if stands == which] for which in (False, True))
     if not lanelets:
         raise InputError(f"{path}: the scenario has no lanelets to take the road from")
@@ -100,10 +104,6 @@ def _reason_to_leave_out(element: Element) -> str | None:
     if element.find("occupancySet") is not None or element.find("probabilityDistribution") is not None:
         return "without a trajectory"
     return None
-
-
-def _stands(element: Element) -> bool:
-    return element.tag == "staticObstacle" or element.findtext("role") == "static"
 
 
 def _lanelet(element: Element, posts: Mapping[str, Mapping[str, float | None]]) -> Lanelet:

@@ -114,7 +114,9 @@ def _traffic(collected: _Collected, network: Network, of_type: Sizes) -> ReadTra
     vehicle, kind = np.frombuffer(collected.codes, dtype=np.int64).reshape(-1, 2).T
     numbers = np.frombuffer(collected.numbers, dtype=np.float64).reshape(len(vehicle), -1)
     time_s, x, y, angle_deg, speed, length_m, width_m = np.ascontiguousarray(numbers.T)
-    usual_m = np.array([_size_of(name, of_type) for name in collected.kinds])[kind]
+    # SUMO names a type that it drew from another one "other@number".
+    sizes = (of_type.get(name) or of_type.get(name.partition("@")[0]) for name in collected.kinds)
+    usual_m = np.array([size or DEFAULT_SIZES["passenger"] for size in sizes])[kind]
     length_m = np.where(np.isnan(length_m), usual_m[:, 0], length_m)
     width_m = np.where(np.isnan(width_m), usual_m[:, 1], width_m)
     vehicle_names, people = np.array(list(collected.names)), len(collected.people)
@@ -125,11 +127,6 @@ def _traffic(collected: _Collected, network: Network, of_type: Sizes) -> ReadTra
     near = np.bincount(vehicle[beside_the_road(road, rows.lat_m)], minlength=len(vehicle_names)) > 0
     left_out = {"never within 15 m of the main road": int(np.sum(~near)), "on foot": people}
     return ReadTraffic(road, vehicle_names, rows.take(near[vehicle]), len(vehicle_names) + people, left_out)
-
-
-def _size_of(kind: str, of_type: Sizes) -> tuple[float, float]:
-    # SUMO names a type that it drew from another one "other@number".
-    return of_type.get(kind) or of_type.get(kind.partition("@")[0]) or DEFAULT_SIZES["passenger"]
 
 
 def _type_sizes(path: Path) -> Iterator[tuple[str, tuple[float, float]]]:

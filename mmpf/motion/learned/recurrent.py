@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from mmpf.motion.learned.features import SITUATION_SIZE
-from mmpf.motion.learned.network_file import read_network, save_network
+from mmpf.motion.learned.network_file import read_network
 from mmpf.motion.learned.residual import (
     BLOCK,
     FITTED_STEP_S,
@@ -177,11 +177,6 @@ def _accelerate(
             added += noise[k - 1, n] * (one + factor if factor > np.float32(0.0) else one / (one - factor))
         said[0, n] = added
     approach(seen, said[0], np.float32(0.0), lag, accel)
-
-
-def save_recurrent(path: Path, network: RecurrentWeights) -> None:
-    """Write the model file of a fitted network."""
-    save_network(path, CASE, network._asdict())
 
 
 def load_recurrent(path: Path) -> RecurrentFollower:

@@ -16,7 +16,7 @@ import numpy as np
 from mmpf.motion.idm import IdmParameters
 from mmpf.motion.learned.features import SITUATION_SIZE, log_headway
 from mmpf.motion.learned.follower import follows, seen_by, situations
-from mmpf.motion.learned.network_file import read_network, save_network
+from mmpf.motion.learned.network_file import read_network
 from mmpf.motion.protocol import Neighbour
 from mmpf.motion.state import SPEED
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray
@@ -194,11 +194,6 @@ def approach(seen: Float32Array, added: Float32Array, shift: np.float32, lag: np
         share = wanted_gap * per_gap[n]
         usual = min(max(strongest * (one - square * square - share * share), low), high)
         accel[n] = seen[2, n] + lag * (usual + added[n] + shift - seen[2, n])
-
-
-def save_residual(path: Path, network: NetworkWeights) -> None:
-    """Write the model file of a fitted network."""
-    save_network(path, CASE, network._asdict())
 
 
 def load_residual(path: Path) -> ResidualFollower:

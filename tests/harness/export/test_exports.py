@@ -107,22 +107,6 @@ def test_the_floating_car_data_are_valid_by_sumos_own_schemas(tmp_path):
     schema("additional_file.xsd").validate(str(types))
 
 
-@pytest.mark.slow
-def test_sumos_own_script_plots_the_trajectories(bent, tmp_path):
-    sumo = pytest.importorskip("sumo", reason="the extra networks is not installed")
-    file, _ = export_run(bent, "fcd", tmp_path / "fcd.xml.gz")
-    script = Path(sumo.__file__).parent / "tools" / "plot_trajectories.py"
-    picture, table = tmp_path / "plot.png", tmp_path / "plot.csv"
-    command = [sys.executable, script, "-t", "td", "-v", "--blind", "-o", picture, "--csv-output", table, file]
-    said = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=120).stdout
-    assert f"Found {4 * STEPS} datapoints" in said
-    assert f"kept {4 * STEPS}" in said
-    assert picture.stat().st_size > 10_000
-    points = [line.split() for line in table.read_text().partition('"near"')[2].strip().split("\n\n")[0].splitlines()]
-    driven_m = float(points[-1][2]) - float(points[0][2])
-    assert driven_m == pytest.approx(20.0 * 0.1 * (STEPS - 1), rel=0.01)
-
-
 def test_floating_car_data_are_packed_where_the_files_name_says_so(folder, tmp_path):
     plain, _ = export_run(folder, "fcd", tmp_path / "plain.xml")
     packed, types = export_run(folder, "fcd", tmp_path / "packed.xml.gz")
