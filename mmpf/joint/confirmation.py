@@ -10,8 +10,8 @@ from mmpf.joint.overlap import overlapping
 from mmpf.joint.sources import Sources
 from mmpf.map.sensor_plane import SensorPlane
 from mmpf.motion.state import LAT, LON
-from mmpf.numerics.arrays import BoolArray, turned
-from mmpf.options.joint import JointOptions, JointPath
+from mmpf.numerics.arrays import BoolArray, FloatArray, turned
+from mmpf.options.joint import JointOptions
 
 LOG_MOVED = float(np.log(0.01))
 """A source has moved if its speed at some time was so unlikely for one that stands."""
@@ -21,18 +21,39 @@ SAME_PLACE_SHARE, KNOWN_PLACE_STD_LON_M = 0.75, 1.0
 """No component is confirmed within this share of a length and a width of a confirmed one with a smaller spread."""
 
 
-def to_confirm(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
-    """Return which components may be reported from now on, shape (m,).
+def least_probabilities(
+    components: Components, moments: Moments, plane: SensorPlane, options: JointOptions
+) -> tuple[FloatArray, FloatArray]:
+    """Return the vehicle probabilities from which components are confirmed and from which they are kept, both (m,).
+
+    In the ego's path they are 0. It is as wide as the ego and a margin on both sides, and as long as the ego needs to
+    stop. On a main road they are small beside it as well, where a vehicle may be hit; in the plane, lanes cross.
 
     Args:
-        components: The components.
-        in_path: Which lie in the ego's path: these are reported with any probability of a vehicle, shape (m,).
+        components: The components, with their sizes.
+        moments: Their moments.
+        plane: The plane around the sensor.
         options: Settings of the joint rule.
     """
+    ego, path, kinds = plane.ego, options.path, options.kinds
+    along, across = turned(moments.mean[LON] - ego.lon_m, moments.mean[LAT] - ego.lat_m, plane.ego_turn_rad)
+    speed = max(ego.speed_mps, 0.0)
+    length_m = path.gap_m + path.reaction_s * speed + 0.5 * speed**2 / path.braking_mps2
+    width_m = 0.5 * (ego.width_m + components.width_m) + path.margin_m
+    in_path = (along > 0.0) & (along < length_m) & (np.abs(across) < width_m)
+    ahead = (along > -0.5 * (ego.length_m + components.length_m)) & (np.abs(across) < path.beside_m)
+    ahead &= (along < length_m) & (not moments.has_headings)
+    confirm = np.where(ahead, path.confirm_ahead_above, kinds.confirm_above)
+    keep = np.where(ahead, path.withdraw_ahead_below, kinds.withdraw_below)
+    return np.where(in_path, 0.0, confirm), np.where(in_path, 0.0, keep)
+
+
+def to_confirm(components: Sources, least: FloatArray, options: JointOptions) -> BoolArray:
+    """Return which components may be reported from now on, shape (m,): ``least`` is the probability to be confirmed."""
     known = components.existence > REPORT_ABOVE
     known &= is_longer(components.detected_s, options.existence.confirm_s)
-    probable = components.vehicle > options.kinds.confirm_above
-    return np.asarray(~components.confirmed & known & (probable | in_path | moved_along(components, options)))
+    probable = components.vehicle >= least
+    return np.asarray(~components.confirmed & known & (probable | moved_along(components, options)))
 
 
 def still_confirmed(components: Sources, improbable: BoolArray, options: JointOptions) -> BoolArray:
@@ -40,10 +61,10 @@ def still_confirmed(components: Sources, improbable: BoolArray, options: JointOp
     return np.asarray(components.confirmed & (~improbable | moved_along(components, options)))
 
 
-def is_improbable(components: Sources, in_path: BoolArray, options: JointOptions) -> BoolArray:
-    """Return which components must not be reported, shape (m,); arguments are those of ``to_confirm``."""
-    least = np.where(moved_along(components, options), options.kinds.withdraw_moved_below, options.kinds.withdraw_below)
-    return np.asarray(~in_path & (components.vehicle_share < least))
+def is_improbable(components: Sources, least: FloatArray, options: JointOptions) -> BoolArray:
+    """Return which components must not be reported, shape (m,): ``least`` is the probability to be kept."""
+    moved = np.minimum(least, options.kinds.withdraw_moved_below)
+    return np.asarray(components.vehicle_share < np.where(moved_along(components, options), moved, least))
 
 
 def moved_along(components: Sources, options: JointOptions) -> BoolArray:
@@ -54,25 +75,6 @@ def moved_along(components: Sources, options: JointOptions) -> BoolArray:
     """
     moved = components.stood_log < LOG_MOVED
     return np.asarray(moved & is_longer(components.detected_s, options.kinds.moved_s))
-
-
-def lies_in_path(components: Components, moments: Moments, plane: SensorPlane, options: JointPath) -> BoolArray:
-    """Return which components lie in the ego's path, shape (m,).
-
-    The path is as wide as the ego and a margin on both sides, and as long as the ego needs to stop.
-
-    Args:
-        components: The components, with their sizes.
-        moments: Their moments.
-        plane: The plane around the sensor.
-        options: How wide and how long the path is.
-    """
-    ego = plane.ego
-    along, across = turned(moments.mean[LON] - ego.lon_m, moments.mean[LAT] - ego.lat_m, plane.ego_turn_rad)
-    speed = max(ego.speed_mps, 0.0)
-    length_m = options.gap_m + options.reaction_s * speed + 0.5 * speed**2 / options.braking_mps2
-    width_m = 0.5 * (ego.width_m + components.width_m) + options.margin_m
-    return np.asarray((along > 0.0) & (along < length_m) & (np.abs(across) < width_m))
 
 
 def stands_on_another(components: Components, moments: Moments) -> BoolArray:

@@ -9,7 +9,7 @@ from mmpf.joint.false_objects import FalseObjects
 from mmpf.joint.kinds import FALSE, VEHICLE, Sightings, bounded, normalised, relaxed_shading, weighed
 from mmpf.joint.overlap import driven_through, overlapping, probability_on_ego
 from mmpf.joint.sources import Sources
-from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_shares
+from mmpf.joint.speeds import log_speed_likelihoods, stood_log_after, stopped_among, stopped_shares
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import FilterOptions
 from mmpf.options.joint import JointOptions
@@ -81,7 +81,7 @@ def kinds_after(
     if joint.kinds.weighed:
         seen = sources.unseen_s == 0.0
         usual = stopped_shares(moments, situation.plane.road, joint.speeds)
-        usual = learned.standing_share(usual, joint.vehicles)
+        usual = stopped_among(before, moments, learned.standing_share(usual, joint.vehicles))
         stopped = usual * before.standing_ratio / (1.0 - usual + usual * before.standing_ratio)
         stood_log = np.where(seen, stood_log_after(stood_log, moments), stood_log)
         now = log_speed_likelihoods(moments, situation.traffic, options.birth.local_range_m, stopped, stood_log)

@@ -24,7 +24,7 @@ def overlapping(components: Components, moments: Moments, share: float) -> BoolA
         share: Two overlap whose means are nearer than this share of their mean length, and of their mean width.
     """
     length, width = components.length_m, components.width_m
-    along_m, across_m = _apart(moments)
+    along_m, across_m = separations(moments)
     overlaps = along_m < share * 0.5 * (length[:, None] + length)
     overlaps &= across_m < share * 0.5 * (width[:, None] + width)
     # Where directions differ, one sees the other beside it and not the other way round.
@@ -49,7 +49,7 @@ def driven_through(
         past each other that they cover in a scan, 0 to 1, shape (m, m).
     """
     length, width, speed = components.length_m, components.width_m, moments.mean[SPEED]
-    along_m, across_m = _apart(moments)
+    along_m, across_m = separations(moments)
     way_m, heading = length[:, None] + length, moments.heading_rad
     passing_mps = np.abs(speed[:, None] - speed * np.cos(heading[:, None] - heading))
     one, other = np.nonzero((along_m < 0.5 * way_m) & (passing_mps > least_mps))
@@ -82,7 +82,7 @@ def _within(offset: FloatArray, reach: FloatArray, std: FloatArray) -> FloatArra
     return np.asarray(ndtr((reach - offset) / std) - ndtr((-reach - offset) / std))
 
 
-def _apart(moments: Moments) -> tuple[FloatArray, FloatArray]:
+def separations(moments: Moments) -> tuple[FloatArray, FloatArray]:
     """Return how far each component sees each other along and across its own direction, metres, both (m, m)."""
     lon, lat = moments.mean[LON], moments.mean[LAT]
     along_m, across_m = turned(lon[:, None] - lon, lat[:, None] - lat, moments.heading_rad[:, None])

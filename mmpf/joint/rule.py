@@ -17,7 +17,7 @@ from mmpf.belief.moments import Moments, component_moments, effective_sizes
 from mmpf.belief.resampling import resample_smoothly
 from mmpf.belief.sizes import with_measured_sizes
 from mmpf.joint.association import Marginals, associate, mean_entropy
-from mmpf.joint.confirmation import is_improbable, lies_in_path, stands_on_another, still_confirmed, to_confirm
+from mmpf.joint.confirmation import is_improbable, least_probabilities, stands_on_another, still_confirmed, to_confirm
 from mmpf.joint.evidence import (
     association_evidence,
     clutter_densities,
@@ -215,8 +215,8 @@ class JointUpdate:
         joint, sources = self.joint, sources_of(mixture)
         if len(sources) == 0:
             return Finetuned(mixture, moments=moments)
-        in_path = lies_in_path(sources, moments, situation.plane, joint.path)
-        confirmed_now, improbable = (judge(sources, in_path, joint) for judge in (to_confirm, is_improbable))
+        least, least_kept = least_probabilities(sources, moments, situation.plane, joint)
+        confirmed_now, improbable = to_confirm(sources, least, joint), is_improbable(sources, least_kept, joint)
         stays = still_confirmed(sources, improbable, joint)
         withdrawn = sources.withdrawn | (sources.confirmed & ~stays)
         sources = sources.having(confirmed=stays, withdrawn=withdrawn, improbable=improbable)

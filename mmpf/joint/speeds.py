@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mmpf.belief.birth import Traffic, local_speed
+from mmpf.belief.mixture import Components
 from mmpf.belief.moments import Moments
+from mmpf.joint.overlap import separations
 from mmpf.map.road import Road
 from mmpf.motion.state import LAT, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
@@ -15,6 +17,8 @@ from mmpf.options.joint import JointSpeeds
 QUEUE_M = 50.0
 STOPPED_IN_PLANE, STOPPED_AT_LINE, STOPPED_ELSEWHERE = 0.3, 0.6, 0.15
 """Share of standing vehicles in flowing traffic in a plane without known stop lines, a little before one, elsewhere."""
+QUEUE_SCALE_M, LANE_STD_M = 20.0, 2.5
+"""How far along and across a road vehicles that stand make it probable that others do."""
 STANDING_STD_MPS, FLOW_STD_MPS = 1.0, 4.0
 """Spread of the speeds of standing objects, and of vehicles' speeds around the traffic's."""
 
@@ -25,6 +29,28 @@ def stopped_shares(moments: Moments, road: Road, options: JointSpeeds) -> FloatA
     if to_line is None:
         return STOPPED_IN_PLANE if road.has_headings else options.stopped_on_road
     return np.where(to_line < QUEUE_M, STOPPED_AT_LINE, STOPPED_ELSEWHERE)
+
+
+def stopped_among(components: Components, moments: Moments, usual: FloatArray | float) -> FloatArray | float:
+    """Return the share of vehicles that stands where each component is, given who stands near it, shape (m,).
+
+    Queues form behind a stopped car. The share is the mean over the other components, weighted by how near they are and
+    how probably vehicles, and one imaginary vehicle of the usual share. They can only raise it: traffic drives past a
+    broken-down car. In the plane, where stop lines explain queues, it is the usual one.
+
+    Args:
+        components: The components.
+        moments: Their moments.
+        usual: Share of vehicles that stands there otherwise, shape (m,) or for all.
+    """
+    if moments.has_headings:
+        return usual
+    along_m, across_m = separations(moments)
+    weight = np.exp(-along_m / QUEUE_SCALE_M - 0.5 * (across_m / LANE_STD_M) ** 2)
+    np.fill_diagonal(weight, 0.0)
+    weight *= components.vehicle
+    stands = _normal(moments.mean[SPEED], moments.variance[SPEED] + STANDING_STD_MPS**2)
+    return np.asarray(np.maximum((usual + weight @ stands) / (1.0 + weight.sum(axis=1)), usual))
 
 
 def stood_log_after(before: FloatArray, moments: Moments) -> FloatArray:

@@ -157,6 +157,12 @@ class JointPath(Settings):
     """Reaction time before the ego brakes."""
     braking_mps2: Positive = 3.0
     """Deceleration with which the ego then stops."""
+    beside_m: NotNegative = 8.0
+    """What the ego passes before it can stop, nearer than this to its side, counts as ahead."""
+    confirm_ahead_above: Probability = 0.2
+    """Vehicle probability above which a component ahead is reported, in place of ``kinds.confirm_above``."""
+    withdraw_ahead_below: Probability = 0.08
+    """The same in place of ``kinds.withdraw_below``."""
 
 
 class JointManoeuvres(Settings):

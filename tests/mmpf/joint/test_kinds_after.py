@@ -216,10 +216,10 @@ def test_of_two_seen_sources_in_one_place_the_one_that_is_less_of_a_vehicle_lose
 @pytest.mark.parametrize("beside_m", [0.0, 3.66])
 def test_of_one_that_drives_through_another_each_loses_what_the_other_says(beside_m: float) -> None:
     """Half a way past each other in one scan; a car in the next lane says nothing."""
-    kinds, speed_mps = np.concatenate([newborn(), newborn(in_view=1.0)]), 20.0
-    pair = belief_of([spot(30.0, LANE, 0.0), spot(31.0, LANE + beside_m, speed_mps)], kinds=kinds)
-    alone = belief_of([spot(30.0, LANE, 0.0), spot(60.0, LANE, speed_mps)], kinds=kinds)
-    dt_s = float(pair.components.length_m[0]) / speed_mps
+    kinds = np.concatenate([newborn(), newborn(in_view=1.0)])
+    pair = belief_of([spot(30.0, LANE, 15.0), spot(31.0, LANE + beside_m, 35.0)], kinds=kinds)
+    alone = belief_of([spot(30.0, LANE, 15.0), spot(60.0, LANE, 35.0)], kinds=kinds)
+    dt_s = float(pair.components.length_m[0]) / (35.0 - 15.0)
     found, free = (scanned(each, seen_as(CLEAR, count=2), UNBOUNDED, dt_s).components.kinds for each in (pair, alone))
     odds, without = (np.log(vehicle_share(each) / (1.0 - vehicle_share(each))) for each in (found, free))
     other = pair.components.existence[::-1] * vehicle_share(kinds)[::-1]

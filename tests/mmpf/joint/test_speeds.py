@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from mmpf.belief.birth import Traffic
 from mmpf.belief.moments import Moments
 from mmpf.joint.kinds import MOVING, STANDING, VEHICLE
+from mmpf.joint.sources import Sources
 from mmpf.joint.speeds import (
     FLOW_STD_MPS,
     STANDING_STD_MPS,
@@ -20,6 +21,7 @@ from mmpf.joint.speeds import (
     STOPPED_IN_PLANE,
     log_speed_likelihoods,
     stood_log_after,
+    stopped_among,
     stopped_shares,
 )
 from mmpf.map.control import FREE, NO_SIGNAL, YIELD, LinkControl
@@ -31,7 +33,7 @@ from mmpf.numerics.arrays import FloatArray
 from mmpf.options.joint import JointSpeeds
 from tests.mmpf.map.scenes import graph_of
 
-OPTIONS = JointSpeeds()
+E, OPTIONS = np.exp(-1.0), JointSpeeds()
 RANGE_M = 40.0
 STOPPED = 0.02
 FLOW = Traffic(np.array([0.0, 30.0, 60.0]), np.array([20.0, 20.0, 20.0]))
@@ -146,3 +148,15 @@ def test_where_no_stop_line_is_known_one_share_holds_for_all() -> None:
     moments = moving([0.0])
     assert stopped_shares(moments, highway(), OPTIONS) == OPTIONS.stopped_on_road
     assert stopped_shares(moments, LaneGraphRoad(replace(stop_line(), control=None)), OPTIONS) == STOPPED_IN_PLANE
+
+
+@pytest.mark.parametrize(
+    ("behind_m", "beside_m", "speed_mps", "exists", "share"),
+    [(0.0, 0.0, 0.0, 1.0, 1.1 / 2.0), (0.0, 0.0, 0.0, 0.5, 0.6 / 1.5), (20.0, 0.0, 0.0, 1.0, (0.1 + E) / (1.0 + E)),
+     (20.0, 0.0, 20.0, 1.0, 0.1), (300.0, 0.0, 0.0, 1.0, 0.1), (20.0, 12.0, 0.0, 1.0, 0.1)],
+)  # fmt: skip
+def test_who_is_near_a_stopped_vehicle_has_probably_stopped_too(behind_m, beside_m, speed_mps, exists, share) -> None:
+    pair = moving([0.0, speed_mps], std_mps=0.0)
+    pair.mean[LON, 1], pair.mean[LAT, 1] = -behind_m, beside_m
+    vehicles = Sources.newborn(np.array([1, 2]), np.array([1.0, exists]))
+    assert stopped_among(vehicles, pair, 0.1)[0] == pytest.approx(share, abs=1e-4)
