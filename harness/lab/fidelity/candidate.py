@@ -64,6 +64,9 @@ def first_candidate(
     if not keep_drivers:
         headway_s = fmean(_headway_s(site.periods[name].statistics, drivers) for name in names)
         drivers = drivers.model_copy(update={"headway_s": round(headway_s, 4)})
+    start_m, end_m = network.section_m
+    places_m = [round(start_m + (k + 0.5) / QUARTERS * (end_m - start_m), 1) for k in range(QUARTERS)]
+    places_m.append(end_m + BACK_WITHIN_M)
     demands = {}
     for name in names:
         period = site.periods[name]
@@ -71,7 +74,7 @@ def first_candidate(
             update={
                 "density_veh_per_km_lane": period.statistics.density_veh_per_km_lane,
                 "schedule": _schedule(period),
-                "headway_profile": tuple((place, 1.0) for place in _profile_places(network)),
+                "headway_profile": tuple((place, 1.0) for place in places_m),
                 "exit_wave_amplitude": FIRST_AMPLITUDE,
                 "wave_period_s": WAVE_PERIOD_S,
             }
@@ -248,13 +251,6 @@ def _quarter_headways_s(statistics: PeriodStatistics, drivers: Drivers) -> list[
         max(0.1, 3600.0 * statistics.lanes * speed / flow - drivers.standing_spacing_m) / speed
         for speed, flow in zip(statistics.quarter_speed_mps, statistics.quarter_flow_veh_per_h, strict=True)
     ]
-
-
-def _profile_places(network: Network) -> list[float]:
-    """Return the middles of the quarters and the place behind the section where headways are back to normal."""
-    start_m, end_m = network.section_m
-    middles = [round(start_m + (k + 0.5) / QUARTERS * (end_m - start_m), 1) for k in range(QUARTERS)]
-    return [*middles, end_m + BACK_WITHIN_M]
 
 
 COMMENT = """\

@@ -40,7 +40,12 @@ def change_samples(
     copies among the inputs would leave the covariances singular.
     """
     now, then = changes.state[:, :, :-1], changes.state[:, :, 1:]
-    astray = _astray(scattered_share, now.shape[1:], rng)
+    astray = np.zeros((STATE_SIZE, *now.shape[1:]))
+    scattered = rng.random(now.shape[1:]) < scattered_share
+    size = scattered * np.exp(LOG_SCATTER * rng.standard_normal(scattered.shape))
+    astray[LAT] = LAT_M * size * rng.standard_normal(scattered.shape)
+    astray[LAT_SPEED] = LAT_SPEED_MPS * size * rng.standard_normal(scattered.shape)
+    astray[LAT_ACCEL] = LAT_ACCEL_MPS2 * scattered * rng.standard_normal(scattered.shape)
     flat = (now + astray).reshape(len(now), -1)
     steps = now.shape[2]
     half_width = np.repeat(0.5 * changes.lane_width_m, steps)
@@ -53,17 +58,6 @@ def change_samples(
     next_lat_speed = then[LAT_SPEED] + astray[LAT_SPEED]
     outputs = (lat_advance, moved[LON], next_lat_speed, then[SPEED], then[LAT_ACCEL], then[ACCEL])
     return x, np.stack([column.ravel() for column in outputs], axis=1)
-
-
-def _astray(share: float, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
-    """Return how far each sample is moved, shape (6, *shape)."""
-    astray = np.zeros((STATE_SIZE, *shape))
-    moved = rng.random(shape) < share
-    size = moved * np.exp(LOG_SCATTER * rng.standard_normal(shape))
-    astray[LAT] = LAT_M * size * rng.standard_normal(shape)
-    astray[LAT_SPEED] = LAT_SPEED_MPS * size * rng.standard_normal(shape)
-    astray[LAT_ACCEL] = LAT_ACCEL_MPS2 * moved * rng.standard_normal(shape)
-    return astray
 
 
 def _view(changes: LaneChanges, flat: FloatArray, crossed: BoolArray, rng: np.random.Generator) -> ChangeView:

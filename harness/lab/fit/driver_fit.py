@@ -53,7 +53,11 @@ def fit_driver(
     demonstrated = demonstrated_samples(led, habit, first, ROLLOUTS, rng)
     x, y = (np.concatenate(both) for both in zip(samples, demonstrated, strict=True))
     following = fit_mixture(x, y, components, seed)
-    follower = MixtureFollower(following, _fit_habit(led, habit, seed, rng), ACCEL_BIAS_MPS2)
+    window = np.tile(np.arange(len(led)), HABIT_SITUATIONS_PER_WINDOW)
+    step = rng.integers(led.lon_m.shape[1], size=len(window))
+    seen = situation(*(column[window, step] for column in situation_columns(led)))
+    habits = fit_mixture(seen, habit[window, None], HABIT_COMPONENTS, seed)
+    follower = MixtureFollower(following, habits, ACCEL_BIAS_MPS2)
     free = _fit_free(taken(windows, ~windows.has_leader))
     return DriverModel(follower, free, _fit_keeper(windows, changes_per_s)), follower
 
@@ -86,13 +90,6 @@ def driver_habit(led: CarFollowing) -> FloatArray:
 def situation_columns(led: CarFollowing) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the inputs of a driver's situation, in the order of ``situation``, each (windows, steps)."""
     return led.gap_m, led.speed_mps, led.accel_mps2, led.leader.speed_mps, led.leader.accel_mps2
-
-
-def _fit_habit(led: CarFollowing, habit: FloatArray, seed: int, rng: np.random.Generator) -> ScaledGmm:
-    window = np.tile(np.arange(len(led)), HABIT_SITUATIONS_PER_WINDOW)
-    step = rng.integers(led.lon_m.shape[1], size=len(window))
-    seen = situation(*(column[window, step] for column in situation_columns(led)))
-    return fit_mixture(seen, habit[window, None], HABIT_COMPONENTS, seed)
 
 
 def _fit_free(free: CarFollowing) -> FreeDriver:

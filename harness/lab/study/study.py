@@ -168,7 +168,10 @@ def run_study(
     ``progress`` is called after each model and occlusion.
     """
     measurements = measure(cases, np.random.default_rng([seed, 1]))
-    shown = _most_eventful(cases)
+    # The case that both speeds up and slows down most.
+    change = np.diff(cases.truth[:, SPEED], axis=0)
+    gained, lost = np.maximum(change, 0.0).sum(axis=0), np.maximum(-change, 0.0).sum(axis=0)
+    shown = int(np.argmax(np.minimum(gained, lost)))
     scores: dict[tuple[str, str], Scores] = {}
     examples: dict[tuple[str, str], FloatArray] = {}
     for occlusion in OCCLUSIONS[study]:
@@ -218,10 +221,3 @@ def _keeping_example(clouds: Iterator[Cloud], case: int, kept: list[FloatArray])
         chosen = np.minimum(chosen, len(weight) - 1)
         kept.append(cloud.state[[LON, LAT, SPEED, LAT_SPEED], case][:, chosen])
         yield cloud
-
-
-def _most_eventful(cases: Cases) -> int:
-    """Return the case that both speeds up and slows down most."""
-    change = np.diff(cases.truth[:, SPEED], axis=0)
-    gained, lost = np.maximum(change, 0.0).sum(axis=0), np.maximum(-change, 0.0).sum(axis=0)
-    return int(np.argmax(np.minimum(gained, lost)))

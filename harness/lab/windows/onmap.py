@@ -53,7 +53,12 @@ def on_map(recording: Recording, graph: LaneGraph) -> OnMap:
     begins = np.ones(len(lane), dtype=np.bool_)
     begins[1:] = (lane[1:] != lane[:-1]) | (vehicle[1:] != vehicle[:-1])
     stay, first = np.cumsum(begins) - 1, np.flatnonzero(begins)
-    then = _taken_next(lane[first], vehicle[first], graph)
+    # The lane of each stay's next one where it follows in the graph.
+    goes_on = vehicle[first[1:]] == vehicle[first[:-1]]
+    then = np.append(np.where(goes_on, lane[first[1:]], NOWHERE), NOWHERE)
+    links = set(zip(graph.link_from.tolist(), graph.successor.tolist(), strict=True))
+    follows = [pair in links for pair in zip(lane[first].tolist(), then.tolist(), strict=True)]
+    then = np.where(follows, then, NOWHERE)
     after = np.where(then == NOWHERE, NOWHERE, then[np.minimum(np.arange(len(then)) + 1, len(then) - 1)])
     last = np.append(first[1:], len(lane)) - 1
     speed, length = recording.speed_mps[order], recording.length_m[order]
@@ -70,14 +75,6 @@ def on_map(recording: Recording, graph: LaneGraph) -> OnMap:
         leaves_at_mps=speed[last[stay]],
         free=gap > HOLDS_WITHIN_M + HOLDS_WITHIN_S * speed,
     )
-
-
-def _taken_next(lane: IntArray, vehicle: IntArray, graph: LaneGraph) -> IntArray:
-    """Return the lane of each stay's next one where it follows in the graph, (s,)."""
-    then = np.append(np.where(vehicle[1:] == vehicle[:-1], lane[1:], NOWHERE), NOWHERE)
-    links = set(zip(graph.link_from.tolist(), graph.successor.tolist(), strict=True))
-    follows = [pair in links for pair in zip(lane.tolist(), then.tolist(), strict=True)]
-    return np.where(follows, then, NOWHERE)
 
 
 def _gap(
