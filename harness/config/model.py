@@ -217,17 +217,14 @@ class RunConfig(_Strict):
     def as_table(self) -> dict[str, object]:
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""
         table = self.model_dump(exclude_none=True)
-        if not table["tracker"]["believes"]:
-            del table["tracker"]["believes"]
+        for group, name in (("tracker", "believes"), ("tracker", "knows_signals"), ("traffic", "broken_down")):
+            if not table[group][name]:
+                del table[group][name]
         if self.altered == AlteredSettings():
             del table["altered"]
         if self.decisions == DecisionsConfig():
             # Nothing that a run records depends on it, and folders of runs that knew no driver stay the same.
             del table["decisions"]
-        if not table["tracker"]["knows_signals"]:
-            del table["tracker"]["knows_signals"]
-        if not table["traffic"]["broken_down"]:
-            del table["traffic"]["broken_down"]
         return table
 
     def tracked_by(self, factory: Callable[..., Any]) -> RunConfig:
