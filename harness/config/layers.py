@@ -33,7 +33,11 @@ def merged(config_file: Path | None, options: Mapping[str, object], settings: Se
     """Return what the user set, unchecked, as one nested table."""
     merged: Table = {}
     in_file = read_toml(config_file, "config") if config_file is not None else {}
-    for layer in (in_file, _table_of_options(options), _table_of_settings(settings)):
+    by_options: Table = {}
+    for name, value in options.items():
+        if value is not None:
+            put(by_options, keys_of_options()[name].split("."), value)
+    for layer in (in_file, by_options, _table_of_settings(settings)):
         _forget_another_trackers_options(merged, layer)
         _merge_into(merged, layer)
     return merged
@@ -44,15 +48,14 @@ def config_from_table(table: Table) -> RunConfig:
     try:
         return RunConfig.model_validate(table)
     except ValidationError as error:
-        raise InputError(_first_problem(error)) from None
-
-
-def _table_of_options(options: Mapping[str, object]) -> Table:
-    table: Table = {}
-    for name, value in options.items():
-        if value is not None:
-            put(table, keys_of_options()[name].split("."), value)
-    return table
+        key, message, given, unknown = first_problem(error)
+        if unknown:
+            known = [name for name, _ in fields_of(RunConfig)]
+            raise InputError(f"unknown key {key!r}{nearest(key, known)}") from None
+        parameter = parameter_of(key)
+        place = f"`{parameter}` ({key})" if parameter else key or "configuration"
+        told = f"{place}: {message}"
+        raise InputError(told if isinstance(given, dict) else f"{told}, not {given!r}") from None
 
 
 def _table_of_settings(settings: Sequence[str]) -> Table:
@@ -105,15 +108,6 @@ def _merge_into(merged: Table, layer: Table) -> None:
             for other in set(EXCLUSIVE) - {key} - set(layer):
                 merged.pop(other, None)
         merged[key] = value
-
-
-def _first_problem(error: ValidationError) -> str:
-    key, message, given, unknown = first_problem(error)
-    if unknown:
-        return f"unknown key {key!r}{nearest(key, [name for name, _ in fields_of(RunConfig)])}"
-    parameter = parameter_of(key)
-    place = f"`{parameter}` ({key})" if parameter else key or "configuration"
-    return f"{place}: {message}" if isinstance(given, dict) else f"{place}: {message}, not {given!r}"
 
 
 def parameter_of(key: str) -> str | None:

@@ -54,7 +54,11 @@ def read_parquet(
 def _table(path: Path, place: str, wanted: pc.Expression | None, noted: int | None) -> pa.Table:
     with reading(place, "table of a run"), pq.ParquetFile(path, pre_buffer=False) as file:
         footer, schema = file.metadata, file.schema_arrow
-        _check_version(footer, place)
+        # One without a version is of the first.
+        version = (footer.metadata or {}).get(VERSION_KEY.encode(), b"1")
+        if not version.isdigit() or int(version) > SCHEMA_VERSION:
+            told = version[:20].decode(errors="replace")
+            raise InputError(f"{place} has {VERSION_KEY} {told}, not 1 to {SCHEMA_VERSION}; install a newer program")
         if noted is not None and footer.num_rows != noted:
             raise InputError(
                 f"{place} has {footer.num_rows} rows, the run wrote {str(noted)[:20]}; make the run again, or take "
@@ -127,11 +131,3 @@ def sound_tables(folder: Path, parameter: str) -> Iterator[None]:
         raise InputError(
             f"`{parameter}`: the files in {folder} contradict each other or were changed ({reason}); make the run again"
         ) from error
-
-
-def _check_version(footer: pq.FileMetaData, place: str) -> None:
-    """Refuse a table of a version to come; one without a version is of the first."""
-    told = (footer.metadata or {}).get(VERSION_KEY.encode(), b"1")
-    if not told.isdigit() or int(told) > SCHEMA_VERSION:
-        version = told[:20].decode(errors="replace")
-        raise InputError(f"{place} has {VERSION_KEY} {version}, not 1 to {SCHEMA_VERSION}; install a newer program")

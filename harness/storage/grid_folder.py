@@ -39,7 +39,12 @@ def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> I
     rows = out / ROWS
     with writing("out", out):
         try:
-            _check_is_grid(out, kind)
+            if out.exists() and not out.is_dir():
+                raise InputError(f"`out`: {out} is a file; choose another folder")
+            there = out.iterdir() if out.is_dir() else ()
+            holds_files = any(entry.name != LOCK and not is_temporary(entry.name) for entry in there)
+            if holds_files and ownership.kind_of(out) != kind:
+                raise InputError(f"`out`: {out} is not a {ownership.plain(kind)}'s folder; choose another folder")
             out.mkdir(parents=True, exist_ok=True)
             lock = lock_within(out)
         except OSError:
@@ -56,16 +61,6 @@ def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> I
         yield rows
     finally:
         lock.release()
-
-
-def _check_is_grid(out: Path, kind: str) -> None:
-    if not out.exists():
-        return
-    if not out.is_dir():
-        raise InputError(f"`out`: {out} is a file; choose another folder")
-    holds_files = any(entry.name != LOCK and not is_temporary(entry.name) for entry in out.iterdir())
-    if holds_files and ownership.kind_of(out) != kind:
-        raise InputError(f"`out`: {out} is not a {ownership.plain(kind)}'s folder; choose another folder")
 
 
 def _clean(out: Path, rows: Path, kind: str) -> None:
@@ -136,8 +131,7 @@ def column_of(table: pd.DataFrame, name: str) -> FloatArray:
 
 def write_row(folder: Path, key: str, row: Row) -> None:
     """Write a run's row atomically."""
-    final = folder / f"{key}.json"
-    write_text(final, json.dumps(row, allow_nan=False))
+    write_text(folder / f"{key}.json", json.dumps(row, allow_nan=False))
 
 
 def read_rows(folder: Path, keys: Iterable[str]) -> dict[str, Row]:

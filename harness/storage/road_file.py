@@ -34,7 +34,14 @@ def write_road(road: Road, path: Path) -> None:
     if not isinstance(road, LaneGraphRoad):
         write_text(path, json.dumps(fields, indent=1) + "\n")
         return
-    fields["graph"] = _graph_table(road.graph)
+    graph = road.graph
+    table: dict[str, Any] = {"name": list(graph.name)}
+    table |= {name: getattr(graph, name).tolist() for name in ("xy", *FLOATS, *INTEGERS)}
+    table["in_junction"] = np.flatnonzero(graph.in_junction).tolist()
+    if (control := graph.control) is not None:
+        numbers = {name: getattr(control, name).tolist() for name in CONTROL_INTEGERS}
+        table["control"] = {"signal_name": list(control.signal_name), **numbers}
+    fields["graph"] = table
     if road.walls_xy is not None:
         fields["walls_xy"] = road.walls_xy.tolist()
     write_text(path, json.dumps(fields, separators=(",", ":")) + "\n")
@@ -84,17 +91,6 @@ def _check_frame(road: CorridorRoad) -> None:
     Numbers(1e-9).check("the way between two points of its reference line", np.hypot(*np.diff(points, axis=0).T))
     PLACE_M.check("its begin", road.reference_start_m)
     Numbers(PLACE_M.least, PLACE_M.most, rising=True).check("its section", road.section_m)
-
-
-def _graph_table(graph: LaneGraph) -> dict[str, Any]:
-    """Return a graph as lists; numbers are read back as the same."""
-    table: dict[str, Any] = {"name": list(graph.name)}
-    table |= {name: getattr(graph, name).tolist() for name in ("xy", *FLOATS, *INTEGERS)}
-    table["in_junction"] = np.flatnonzero(graph.in_junction).tolist()
-    if (control := graph.control) is not None:
-        numbers = {name: getattr(control, name).tolist() for name in CONTROL_INTEGERS}
-        table["control"] = {"signal_name": list(control.signal_name), **numbers}
-    return table
 
 
 def _graph_of(table: Mapping[str, Any]) -> LaneGraph:
