@@ -25,7 +25,6 @@ from harness.scoring.metrics.hidden_cost import COST, CRPS, FALSE_HIDDEN
 from harness.storage.grid_folder import column_of
 from harness.storage.manifest import unproven
 from harness.storage.run_folder import COMPLETE
-from mmpf.numerics.arrays import FloatArray
 
 HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 
@@ -166,7 +165,10 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
             if rules.judges(quantity) or any(quantity.key in rows for rows in matched)
         }
         if _in_one_run(a, b) and pairing.layout.paired and all(STEP_TIME.key in rows for rows in matched):
-            values[STEP_TIME] = _step_times(*matched)
+            # As shares of those of a.
+            of_a, of_b = (column_of(rows, STEP_TIME.key) for rows in matched)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                values[STEP_TIME] = [of_a / of_a, of_b / of_a]
         for quantity, (of_a, of_b) in values.items():
             total = RATIO_TOTALS.get(quantity.key)
             totals = (column_of(matched[0], total), column_of(matched[1], total)) if total else None
@@ -274,13 +276,6 @@ def _with_values(verdicts: Iterable[Verdict]) -> tuple[Verdict, ...]:
 def _in_one_run(a: Source, b: Source) -> bool:
     """Return whether the times of both sides were taken on one machine in one run."""
     return a.folder.resolve() == b.folder.resolve()
-
-
-def _step_times(a: pd.DataFrame, b: pd.DataFrame) -> list[FloatArray]:
-    """Return the times of a step on the same traffic, as shares of those of a, both of shape (n,)."""
-    of_a, of_b = (column_of(rows, STEP_TIME.key) for rows in (a, b))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return [of_a / of_a, of_b / of_a]
 
 
 def _survivor_notes(verdicts: tuple[Verdict, ...]) -> list[str]:

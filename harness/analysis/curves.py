@@ -156,7 +156,11 @@ def curve_points(table: pd.DataFrame, varied: Sequence[str]) -> list[Point]:
     points = []
     for axis in _axes_of(done, varied) if len(done) else []:
         for (label, value), runs in runs_at(done, axis):
-            points += [_point(label, axis, value, quantity, runs) for quantity in told]
+            for quantity in told:
+                sums, counts = summed_by("seed", runs, *sums_and_weights(runs, quantity))
+                mean, ci95 = ratio_of(sums, counts, quantity.possible)
+                seeds, n = int(np.count_nonzero(counts)), round(float(counts.sum()))
+                points.append(Point(label, axis, value, quantity.key, mean, ci95, seeds, n))
     return points
 
 
@@ -172,13 +176,6 @@ def breaks(table: pd.DataFrame) -> list[Break]:
     if _values(done, "density") < 2:
         return []
     return [_break(str(label), runs) for label, runs in done.groupby("label", sort=False)]
-
-
-def _point(label: str, axis: str, value: float | str, quantity: Quantity, runs: pd.DataFrame) -> Point:
-    sums, counts = summed_by("seed", runs, *sums_and_weights(runs, quantity))
-    mean, ci95 = ratio_of(sums, counts, quantity.possible)
-    seeds, n = int(np.count_nonzero(counts)), round(float(counts.sum()))
-    return Point(label, axis, value, quantity.key, mean, ci95, seeds, n)
 
 
 def ratio_of(sums: FloatArray, counts: FloatArray, possible: Possible = NONNEGATIVE) -> Ratio:

@@ -64,7 +64,9 @@ def compare_runs(
     truth = first.rows.truth
     vehicles = int(truth.vehicle.max(initial=-1)) + 1
     near = closeness(truth, vehicles)
-    pairs = _common_errors(first, second)
+    codes = truth.vehicle[scored_rows(first.rows, first.history)]
+    known = first.error_table[list(KEYS)].assign(vehicle=codes)
+    pairs = paired_errors(first.error_table, second.error_table).merge(known, on=list(KEYS))
     label = label_of(a, b)
 
     def measured(quantity: Quantity) -> MetricDifference:
@@ -165,11 +167,3 @@ def _errors(pairs: pd.DataFrame, state: str, column: str, vehicles: int) -> list
     vehicle = rows["vehicle"].to_numpy(dtype=np.int64)
     errors = (rows[f"{column}_{side}"].abs().to_numpy(dtype=np.float64) for side in ("a", "b"))
     return [ratio_by_vehicle(each, vehicle, vehicles) for each in errors]
-
-
-def _common_errors(a: Evidence, b: Evidence) -> pd.DataFrame:
-    """Return the errors of both on the steps that both follow, with a column ``vehicle``, its code in the truth."""
-    keys = list(KEYS)
-    codes = a.rows.truth.vehicle[scored_rows(a.rows, a.history)]
-    known = a.error_table[keys].assign(vehicle=codes)
-    return paired_errors(a.error_table, b.error_table).merge(known, on=keys)

@@ -28,18 +28,15 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     path = folder / FILE
     path.write_text("\n".join(_lines(run)) + "\n", encoding="utf-8")
     types = types_file(path)
-    types.write_text("\n".join(_type_lines(run)) + "\n", encoding="utf-8")
+    sizes = np.unique(np.round(run.truth[["length_m", "width_m"]].to_numpy(np.float64), 3), axis=0).tolist()
+    each = [f'    <vType id="{_type_name(*size)}" length="{size[0]:.3f}" width="{size[1]:.3f}"/>' for size in sizes]
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "<additional>", *each, "</additional>"]
+    types.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return [path, types]
 
 
 def _type_name(length_m: float, width_m: float) -> str:
     return f"car_{length_m:.3f}x{width_m:.3f}"
-
-
-def _type_lines(run: RecordedRun) -> list[str]:
-    sizes = np.unique(np.round(run.truth[["length_m", "width_m"]].to_numpy(np.float64), 3), axis=0).tolist()
-    types = [f'    <vType id="{_type_name(*size)}" length="{size[0]:.3f}" width="{size[1]:.3f}"/>' for size in sizes]
-    return ['<?xml version="1.0" encoding="UTF-8"?>', "<additional>", *types, "</additional>"]
 
 
 def _lines(run: RecordedRun) -> list[str]:

@@ -70,7 +70,9 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     (folder / "data_0").mkdir()
     written = []
     for episode, (name, sequence) in enumerate(played):
-        lines = _lines(_of_episode(run.reported, run.truth, episode, first), sequence)
+        begin = int(run.truth["step"][run.truth["episode"] == episode].min())
+        own = run.reported[run.reported["episode"] == episode]
+        lines = _lines(own.assign(step=own["step"] - begin + first), sequence)
         path = folder / "data_0" / name
         path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
         written.append(path)
@@ -86,13 +88,6 @@ def _read(files: kitti.SequenceFiles, least_score: float) -> _Sequence:
     return _Sequence(rows, boxes, way, step_starts(boxes.step, len(way.shift)), place[:, 1])
 
 
-def _of_episode(tracks: pd.DataFrame, truth: pd.DataFrame, episode: int, first: int) -> pd.DataFrame:
-    """Return the tracks of an episode, with the frames of its sequence as steps."""
-    begin = int(truth["step"][truth["episode"] == episode].min())
-    own = tracks[tracks["episode"] == episode]
-    return own.assign(step=own["step"] - begin + first)
-
-
 def _lines(tracks: pd.DataFrame, sequence: _Sequence) -> list[str]:
     known: dict[int, _Box] = {}
     lines = []
@@ -100,7 +95,10 @@ def _lines(tracks: pd.DataFrame, sequence: _Sequence) -> list[str]:
         step = int(str(key))
         track_id = now["track_id"].to_numpy(dtype=np.int64)
         x, y = floats(now, "lon_m"), floats(now, "lat_m")
-        for track, found in _at_tracks(sequence, step, x, y):
+        begin, end = int(sequence.starts[step]), int(sequence.starts[step + 1])
+        away = np.hypot(x[:, None] - sequence.boxes.x_m[begin:end], y[:, None] - sequence.boxes.y_m[begin:end])
+        for track, row in zip(*pairs_within(away, GATE_M), strict=True):
+            found = begin + int(row)
             before = known.get(int(track_id[track]))
             heading = float(sequence.boxes.heading_rad[found])
             if before is not None and abs(float(wrapped(np.array(heading - before.heading_rad)))) > 0.5 * np.pi:
@@ -112,14 +110,6 @@ def _lines(tracks: pd.DataFrame, sequence: _Sequence) -> list[str]:
             if box is not None and (step - box.step) * STEP_S <= COASTED_S + 1e-9:
                 lines.append(_line(step, number, box, (float(x[track]), float(y[track])), sequence.way))
     return lines
-
-
-def _at_tracks(sequence: _Sequence, step: int, x: FloatArray, y: FloatArray) -> list[tuple[int, int]]:
-    """Return pairs of a track and the row of the detection at it."""
-    begin, end = int(sequence.starts[step]), int(sequence.starts[step + 1])
-    boxes = sequence.boxes
-    away = np.hypot(x[:, None] - boxes.x_m[begin:end], y[:, None] - boxes.y_m[begin:end])
-    return [(int(track), begin + int(row)) for track, row in zip(*pairs_within(away, GATE_M), strict=True)]
 
 
 def _line(step: int, number: int, box: _Box, place: tuple[float, float], way: CameraWay) -> str:

@@ -129,7 +129,10 @@ def make_rows(
         if resume:
             user.tell(f"{len(done)} runs are kept, {len(grid.runs) - len(done)} are made")
         write_text(out / GRID, json.dumps(making.table, indent=2) + "\n")
-        cells = _rest_of(grid, done)
+        left_of = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
+        cells = [cell for cell in left_of if cell.runs]
+        # The densest first, so that no worker is left alone with it in the end.
+        cells.sort(key=lambda cell: -(cell.config.traffic.density or 0.0) * len(cell.runs))
         # What was made of fewer runs goes.
         for name in (RUNS, SUMMARY, TABLE) if cells else ():
             (out / name).unlink(missing_ok=True)
@@ -148,14 +151,6 @@ def make_rows(
         outcome = write_outcome(read_rows(rows_folder, (run.key for run in grid.runs)))
         _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
         return outcome
-
-
-def _rest_of(grid: GridPlan, done: Mapping[str, Row]) -> list[Cell]:
-    """Return what is left to run, the densest first, so that no worker is left alone with it in the end."""
-    left = (Cell(tuple(run for run in cell.runs if run.key not in done)) for cell in grid.cells)
-    return sorted(
-        (cell for cell in left if cell.runs), key=lambda cell: -(cell.config.traffic.density or 0.0) * len(cell.runs)
-    )
 
 
 @contextmanager

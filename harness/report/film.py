@@ -78,7 +78,8 @@ def draw_frame(run: RecordedRun, truth: pd.DataFrame, detections: pd.DataFrame, 
         strip = _PictureRow(ImageDraw.Draw(stretch), (pose.lon_m + start_m, high), scale)
         _draw_ground(strip, run, pose, detections)
         _draw_road_and_vehicles(strip, run, truth, ego)
-        _draw_detections(strip, detections)
+        for x, y in strip.place(detections[["lon_m", "lat_m"]].to_numpy(dtype=np.float64)):
+            _draw_cross(strip.draw, x, y)
         _draw_tracks(strip, tracks, pose)
         picture.paste(stretch, (0, SMOOTH * (HEAD + place * (half + GAP))))
     rows = f"(above: {run.sensor.range_m:g} m ahead, below: behind)"
@@ -105,11 +106,6 @@ def _draw_road_and_vehicles(strip: _PictureRow, run: RecordedRun, truth: pd.Data
     for i in np.flatnonzero((lon > window[0] - 20.0) & (lon < window[1] + 20.0)):
         fill, edge = LEGEND["ego"] if i == ego else STYLES[states[i]]
         strip.draw.polygon(strip.place(outlines[i]), fill=fill, outline=edge, width=2 * SMOOTH)
-
-
-def _draw_detections(strip: _PictureRow, detections: pd.DataFrame) -> None:
-    for x, y in strip.place(detections[["lon_m", "lat_m"]].to_numpy(dtype=np.float64)):
-        _draw_cross(strip.draw, x, y)
 
 
 def _draw_tracks(strip: _PictureRow, tracks: pd.DataFrame, ego: EgoPose) -> None:

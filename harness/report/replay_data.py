@@ -70,6 +70,7 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
     times = run.truth.drop_duplicates("step")[["step", "time_s", "episode"]].iloc[::stride]
     steps = times["step"].to_numpy(dtype=np.int64)
     codes, names = pd.factorize(kept_truth["vehicle_id"])
+    first = np.unique(codes, return_index=True)[1]
     data: dict[str, Any] = {
         "time_s": np.round(times["time_s"], 3).tolist(),
         "episode": times["episode"].tolist(),
@@ -78,7 +79,10 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         "follow_m": FOLLOW_CUTOFF_M,
         "road": (_plane(run.road, run, reach_m) if isinstance(run.road, LaneGraphRoad) else _strips(run))
         | {"reference_xy": [*map(list, run.road.reference_xy)], "reference_start_m": run.road.reference_start_m},
-        "vehicles": _vehicles(kept_truth, codes, names),
+        "vehicles": {
+            "names": [str(name) for name in names],
+            **{name: np.round(kept_truth[name].to_numpy()[first], 2).tolist() for name in ("length_m", "width_m")},
+        },
         "truth": _truth(kept_truth, run.errors, codes, steps),
         "detections": _detections(run.detections, steps, run.road),
         "tracks": _tracks(run.tracks, steps),
@@ -96,7 +100,10 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
             "particles": _particles(beside.run, steps),
             "unseen": _unseen(beside.run, steps),
         }
-        data["marks"] = _marks(beside.marks, steps, names)
+        marked = names.get_indexer(pd.Index(beside.marks["vehicle_id"].astype("object")))
+        shown = beside.marks.assign(vehicle=marked)[marked >= 0]
+        kinds: dict[str, Packing] = {name: (name, "u1", 1.0) for name in ("kind", "side")}
+        data["marks"] = _rows(shown, steps, vehicle=("vehicle", "u2", 1.0), **kinds)
         data["opens_at"] = beside.opens_at
     return data
 
@@ -142,15 +149,6 @@ def _plane(road: LaneGraphRoad, run: RecordedRun, reach_m: float) -> dict[str, A
             for line in lines
         ],
         "walls": [np.round(wall, 2).tolist() for wall in walls],
-    }
-
-
-def _vehicles(truth: pd.DataFrame, codes: npt.NDArray[np.intp], names: pd.Index) -> dict[str, Any]:
-    first = np.unique(codes, return_index=True)[1]
-    return {
-        "names": [str(name) for name in names],
-        "length_m": np.round(truth["length_m"].to_numpy()[first], 2).tolist(),
-        "width_m": np.round(truth["width_m"].to_numpy()[first], 2).tolist(),
     }
 
 
@@ -273,13 +271,6 @@ def _rows(table: pd.DataFrame, steps: IntArray, **columns: Packing) -> dict[str,
             values = np.clip(np.rint(np.nan_to_num(values)), limits.min, limits.max)
         packed[name] = pack(values, kind)
     return packed
-
-
-def _marks(marks: pd.DataFrame, steps: IntArray, names: pd.Index) -> dict[str, Any]:
-    """Pack the marks of vehicles that the replay shows."""
-    codes = names.get_indexer(pd.Index(marks["vehicle_id"].astype("object")))
-    shown = marks.assign(vehicle=codes)[codes >= 0]
-    return _rows(shown, steps, vehicle=("vehicle", "u2", 1.0), kind=("kind", "u1", 1.0), side=("side", "u1", 1.0))
 
 
 def _codes(values: pd.Series[str], names: tuple[str, ...]) -> IntArray:

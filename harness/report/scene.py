@@ -111,7 +111,9 @@ def draw_scene(axes: Axes, scene: PictureScene, window: tuple[float, float]) -> 
         lon_m, lat_m = scene.particles
         axes.plot(lon_m - origin, lat_m, ".", color=BLUE, ms=1.6, mew=0, alpha=0.45, zorder=5.5, rasterized=True)
     _draw_vehicles(axes, scene.frame, scene.observation, origin)
-    _name_vehicle(axes, scene)
+    for i in np.flatnonzero(scene.frame.vehicle_id == scene.named):
+        below = scene.frame.lon_m[i] - origin, scene.frame.lat_m[i] - 0.5 * scene.frame.width_m[i]
+        _write(axes, scene.named, below, 2.5, {"size": 9, "weight": "bold", "va": "top"})
     axes.plot(detections.lon_m - origin, detections.lat_m, "x", color="black", ms=5, mew=1.2, zorder=6)
     _draw_tracks(axes, scene.tracks, origin, window)
     low, high = _road_edges(scene)
@@ -237,14 +239,6 @@ def _draw_vehicles(axes: Axes, frame: Frame, observation: Observation, origin: f
         patches.append(Rectangle(corner, length, width, angle=angle, rotation_point="center", **style))
     axes.add_collection(PatchCollection(patches, match_original=True, zorder=5), autolim=False)
     axes.text(0.0, frame.lat_m[frame.ego], "ego", color="white", size=7, ha="center", va="center", zorder=7)
-
-
-def _name_vehicle(axes: Axes, scene: PictureScene) -> None:
-    """Write the name of the vehicle that the picture is about below its body."""
-    frame = scene.frame
-    for i in np.flatnonzero(frame.vehicle_id == scene.named):
-        below = frame.lon_m[i] - scene.origin_m, frame.lat_m[i] - 0.5 * frame.width_m[i]
-        _write(axes, scene.named, below, 2.5, {"size": 9, "weight": "bold", "va": "top"})
 
 
 def _draw_tracks(axes: Axes, tracks: Tracks, origin: float, window: tuple[float, float]) -> None:

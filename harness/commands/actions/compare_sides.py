@@ -40,7 +40,13 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     _check_used(options)
     _check_distinct(options)
     for parameter in WRITTEN:
-        _check_free(options[parameter], parameter, options["force"])
+        path = options[parameter]
+        if path is not None and not path.absolute().parent.is_dir():
+            raise InputError(f"`{parameter}`: there is no folder {path.parent}; make it, or choose another file")
+        if path is None or options["force"] or not path.is_file() or not path.stat().st_size:
+            continue
+        if not _is_comparison(path):
+            raise InputError(f"`{parameter}`: {path} exists and no comparison wrote it; add `force` to replace it")
     gate = read_gate(options["gate"])
     named = None if options["primary"] is None else names(options["primary"], "primary", "mot.hota")
     primary = None if named is None else tuple(map(_metric, named))
@@ -105,14 +111,6 @@ def _check_distinct(options: Mapping[str, Any]) -> None:
 
 def _is_comparison(path: Path) -> bool:
     return path.read_bytes().endswith(f"{MARK}\n".encode())
-
-
-def _check_free(path: Path | None, parameter: str, force: bool) -> None:
-    """Refuse a file in a folder that does not exist, and one that no comparison has written unless forced."""
-    if path is not None and not path.absolute().parent.is_dir():
-        raise InputError(f"`{parameter}`: there is no folder {path.parent}; make it, or choose another file")
-    if path is not None and not force and path.is_file() and path.stat().st_size and not _is_comparison(path):
-        raise InputError(f"`{parameter}`: {path} exists and no comparison wrote it; add `force` to replace it")
 
 
 def _write(path: Path, text: str, parameter: str) -> None:

@@ -32,12 +32,7 @@ def make_drives(options: Mapping[str, object], command: str, quiet: bool) -> Fin
     workers = values["workers"] or os.cpu_count() or 1
     how = Execution(workers, values["timeout_per_run"], values["resume"], values["retry_failed"])
     finished = run_drives(request, values["out"], how, on_stderr(quiet), command)
-    _write_pages(finished, quiet)
-    return finished
-
-
-def _write_pages(finished: FinishedDrives, quiet: bool) -> None:
-    """Write the pages of the collisions that the tables lead to, as far as they are not there, then the folder's."""
+    # The pages of the collisions that the tables lead to, as far as they are not there, then the folder's.
     folders = [finished.folder / KEPT / key for key in finished.shown]
     with progress_bar("pages of the collisions", len(folders), quiet) as advance:
         for folder in folders:
@@ -45,6 +40,7 @@ def _write_pages(finished: FinishedDrives, quiet: bool) -> None:
                 write_run_page(folder)
             advance()
     write_page(finished.folder)
+    return finished
 
 
 def tell(finished: FinishedDrives) -> None:

@@ -58,8 +58,13 @@ def make_study_of(options: Mapping[str, Any]) -> None:
         if case == situations.SITUATIONS:
             numbers, text = _make_situations(cases, network, options["real_data"], say, quiet)
         else:
-            numbers, text = _make_published(cases, network, folder, say, quiet)
-
+            runs, title = cases.runs if case in study.MODELS else 1, f"study {case}"
+            before = f"{title}: recording and compiling"
+            with progress_bar(f"{title}: predicting", runs, quiet, before=before) as advance:
+                result, setting = study.make_study(cases, network, say, advance)
+            draw_study(result, folder)
+            numbers = study_text.as_json(result.rows, setting)
+            text = study_text.as_markdown(result, setting)
     write_results(folder, numbers, text)
     write_page(folder)
     if options["json"]:
@@ -90,17 +95,6 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> Results:
     )
     numbers = {"study": "ablation", "setting": setting, "results": rows, "ideal": ideal}
     return numbers, as_markdown(rows, ideal, setting)
-
-
-def _make_published(
-    plan: study.StudyPlan, network: Network, folder: Path, say: Callable[[str], None], quiet: bool
-) -> Results:
-    runs = plan.runs if plan.study in study.MODELS else 1
-    title = f"study {plan.study}"
-    with progress_bar(f"{title}: predicting", runs, quiet, before=f"{title}: recording and compiling") as advance:
-        result, setting = study.make_study(plan, network, say, advance)
-    draw_study(result, folder)
-    return study_text.as_json(result.rows, setting), study_text.as_markdown(result, setting)
 
 
 def _make_situations(
