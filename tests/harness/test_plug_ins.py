@@ -284,11 +284,6 @@ def test_the_traceback_of_ones_own_code_is_shown_on_request(own_module, monkeypa
     assert 'odd_parts.py", line 1, in make' in capsys.readouterr().err
 
 
-def test_an_unknown_name_is_answered_with_the_plug_ins_too(example, setting):
-    with pytest.raises(harness.InputError, match=r"choose one of .*echo, .*mmpf"):
-        build_tracker("ecko", setting, {})
-
-
 def test_a_broken_plug_in_is_told_in_one_line_and_breaks_no_other(example, setting, refused):
     install(example, "broken-one", {"harness.trackers": {"broken": "no_such_module_at_all:Tracker"}})
     assert build_tracker("echo", setting, {})

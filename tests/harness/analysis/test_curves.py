@@ -46,13 +46,6 @@ def test_failed_runs_are_in_no_mean():
     assert curve(table, "occlusion.same_id")[20].mean == pytest.approx(10.0)
 
 
-def test_an_interval_spans_the_seeds():
-    table = pd.DataFrame([rows(20, seed, same_id=40 + 10 * (seed % 2)) for seed in range(20)])
-    point = curve(table, "occlusion.same_id")[20]
-    assert point.mean == pytest.approx(45)
-    assert 40 < point.ci95[0] < 45 < point.ci95[1] < 50
-
-
 def test_a_varied_setting_has_a_curve_of_its_own():
     table = pd.DataFrame([rows(20, 0, 10, **{"sensor.range_m": 40.0}), rows(20, 0, 30, **{"sensor.range_m": 80.0})])
     points = curve(table, "occlusion.same_id", "sensor.range_m", ["sensor.range_m"])

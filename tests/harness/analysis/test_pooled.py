@@ -125,13 +125,6 @@ def test_the_error_of_hidden_vehicles_has_the_followed_share_beside_it():
     assert "25 % followed" in pooled_markdown(pool_files(pd.DataFrame([row("a", **by_time)])), [])
 
 
-def test_a_file_without_a_hidden_vehicle_counts_for_nothing():
-    table = pd.DataFrame([row("a", hidden=(np.nan, np.nan, 0)), row("b", hidden=(3.0, 4.0, 5))])
-    overall = pool_files(table).hidden[-1]
-    assert (overall.lon_m, overall.ratio, overall.n) == (3.0, 0.75, 5)
-    assert overall.ratio_ci95 is None
-
-
 def test_runs_that_failed_are_told():
     assert "- it broke" in pooled_markdown(pool_files(pd.DataFrame([row("a")])), ["it broke"])
 
@@ -178,15 +171,6 @@ def test_recordings_leave_one_table_over_all_files_with_all_vehicles_counted(fil
     )
     assert "| scene.csv | 4 | 4 | 0 | 2 | 2 |" in (tmp_path / "out" / TABLE).read_text()
     assert (tmp_path / "out" / FIGURES / "hidden.png").exists()
-
-
-@pytest.mark.slow
-def test_all_trackers_see_the_same_detections_of_a_recording(files, tmp_path, no_pictures):
-    request = GridRequest(net=None, replay=files[:1], ego="each:1", trackers=f"{ECHO},{ECHO}+gain=2", seeds="1")
-    run_stress(request, tmp_path / "out", InProcess(open_snapshots=open_snapshots))
-    runs = pd.read_parquet(tmp_path / "out" / RUNS)
-    assert len(set(runs["detection_noise.lon_m"])) == 1
-    assert len(set(runs["mae.visible.n"])) == 1
 
 
 def test_a_broken_recording_is_told_before_any_run(files, tmp_path, refused):

@@ -91,14 +91,6 @@ def test_a_hidden_cost_that_falls_while_false_hidden_tracks_increase_is_noted(mo
     assert ("guesses lower both" in " ".join(compared.notes)) == (more > 0.0)
 
 
-def test_what_only_the_first_run_has_is_wanting(sides, both):
-    sides[1].rows["mot.hota"] = np.nan
-    told = {each.quantity.key: each for each in compare_runs(*sides, both.values(), Rules())[0]}["mot.hota"]
-    assert (told.a, told.pairs, told.same) == (sides[0].rows["mot.hota"].iloc[0], 0, False)
-    assert (told.effect.units, told.wanting) == (0.0, "b has no value of it")
-    assert np.isnan([told.b, told.effect.difference, told.effect.se]).all()
-
-
 def test_the_failures_of_both_runs_are_told_with_where_they_can_be_watched(sides, both):
     why = compare_runs(*sides, both.values(), Rules())[1]
     first, second = both.values()

@@ -21,12 +21,9 @@ def judged(*given: Arms) -> list[Verdict]:
     return judge([measure(each) for each in given], Rules())
 
 
-def test_holm_multiplies_by_the_number_of_hypotheses_not_yet_rejected():
+def test_holm_multiplies_by_the_number_of_tested_hypotheses_not_yet_rejected():
     # The example of Holm's procedure: 0.01 * 4, 0.02 * 3, 0.03 * 2, and never less than the one before.
     np.testing.assert_allclose(holm(np.array([0.03, 0.01, 0.9, 0.02])), [0.06, 0.04, 0.9, 0.06])
-
-
-def test_what_was_not_tested_costs_the_others_nothing():
     np.testing.assert_allclose(holm(np.array([np.nan, 0.02, np.nan])), [np.nan, 0.02, np.nan])
 
 

@@ -29,7 +29,6 @@ def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["run", "--net", "nosuch"], "--net"),
         (["run", "--density", "0"], "--density"),
         (["run", "--force"], "--force"),
         (["run", "--density", "1_0"], "--density"),
@@ -44,10 +43,8 @@ def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:
         (["study", "ablation", "--out", str(ROOT / "README.md" / "study")], "--out"),
         (["study", "ablation", "--particles", "50"], "--particles"),
         (["study", "situations", "--real-data", "here", "--seeds", "0:1"], "--seeds"),
-        (["compare", "--suite", "nosuch"], "--suite nosuch"),
         (["run", "--net", "junction", "--video", "film.mp4"], "--video"),
         (["drive", "--timeout-per-run", "1e999"], "--timeout-per-run"),
-        (["run", "--set", "tracker.options.gate=3"], "gate"),
         (["run", "--set", "nonsense"], "--set"),
         (["run", "--unknown"], "--unknown"),
         (["run", "--video", "--out", "run"], "--video: needs a value"),

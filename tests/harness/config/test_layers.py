@@ -74,11 +74,6 @@ def test_settings_reach_sensor_and_tracker_as_toml_values_or_words():
     assert config.tracker.options == {"joint": {"association": {"gate_std": 4.0}}, "flag": True}
 
 
-def test_only_the_own_tracker_gets_its_defaults():
-    assert resolve_run_config().tracker.all_options()["model"] == "residual"
-    assert resolve_run_config(options={"tracker": "stonesoup-gnn"}).tracker.all_options() == {}
-
-
 def test_folder_name_tells_the_settings_and_holds_no_separator():
     assert (
         resolve_run_config(options={"seed": 3, "density": 12.5}).default_folder_name() == "us101-mmpf-residual-d12.5-s3"
@@ -106,11 +101,6 @@ def test_a_written_configuration_reads_back_the_same(tmp_path_factory, seed, den
     file = tmp_path_factory.mktemp("config") / "config.toml"
     write_config(config, file)
     assert resolve_run_config(file) == config
-
-
-def test_where_no_traffic_is_asked_for_the_networks_default_demand_is_driven():
-    traffic = resolve_run_config().traffic
-    assert (traffic.net, traffic.demand, traffic.density) == ("us101", "us101-0805", None)
 
 
 def test_a_network_that_names_no_default_demand_is_driven_at_thirty_vehicles_per_km_and_lane(tmp_path):

@@ -90,29 +90,11 @@ def test_the_most_decisive_vehicle_is_the_one_that_slows_the_driver_most():
     assert most_decisive(driver_of("hdm"), believe(bodies(), egos(), ROAD)).tolist() == [-1]
 
 
-def test_a_drivers_name_is_taken_once():
-    with pytest.raises(ValueError, match="'idm' is registered already"):
-        drivers.register("idm")(lambda: None)
-
-
-class Dawdler:
-    """A driver of one's own: never faster than a walk."""
-
-    def command(self, belief):
-        slow = np.where(belief.speed_mps > 1.5, -1.0, 0.0)
-        never = np.zeros(len(belief), dtype=bool)
-        return Command(slow, never, never)
-
-
 class Silent:
     """A driver that knows no answer."""
 
     def command(self, belief):
         return Command(np.full(len(belief), np.nan), belief.left.exists, belief.right.exists)
-
-
-def test_a_driver_of_ones_own_is_found_by_its_path():
-    assert asked(f"{__name__}:Dawdler").accel_mps2.tolist() == [-1.0]
 
 
 @pytest.mark.parametrize(

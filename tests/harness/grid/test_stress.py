@@ -64,17 +64,11 @@ def test_a_row_holds_what_a_single_run_writes(tmp_path):
     ("arguments", "complaint"),
     [
         (["--vary", "sensor.rnge_m=40:160:20"], "--vary: sensor.rnge_m: no such setting"),
-        (["--densities", "65:5:10"], "--densities 65:5:10"),
         (["--trackers", "mmpf,nonsense"], "--trackers nonsense: unknown; choose one of"),
-        (["--net", "nonsense"], "--net nonsense: no such network"),
-        (["--scheduler", "tcp://host:1", "--workers", "2"], "--workers"),
         (["--keep", "everything"], "only runs can be kept"),
         (["--nets", "curve,curve"], "--nets"),
-        (["--nets", "curve,,junction"], "--nets"),
         (["--nets", "curve,nowhere"], "nowhere"),
-        (["--nets", "curve,junction", "--net", "us101"], "--nets"),
         (["--nets", "curve,us101", "--demands", "light"], "us101 has no such demand"),
-        (["--nets", "curve", "--replay", __file__], "--nets"),
     ],
 )
 def test_a_wrong_grid_ends_with_two_before_anything_is_written(arguments, complaint, tmp_path, refused):

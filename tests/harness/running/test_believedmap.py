@@ -39,11 +39,6 @@ def test_without_a_map_there_is_no_lane_anywhere_and_no_wall(kind, crossing):
     assert blind.walls_xy is None
 
 
-def test_one_lane_is_as_wide_as_all():
-    (lane,) = told(highway(lanes=5, lane_width_m=3.6), "map=one-lane").lanes
-    assert (lane.right_m, lane.left_m) == (0.0, 18.0)
-
-
 def test_an_auxiliary_lane_is_no_part_of_the_one_lane():
     lanes = (Lane(1, 4.0, 8.0, -450.0, 1000.0), Lane(2, 0.0, 4.0, -450.0, 1000.0), Lane(3, -4.0, 0.0, 188.0, 411.0))
     (lane,) = told(CorridorRoad(lanes), "map=one-lane").lanes

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.common.errors import InputError
 from harness.sensor.failings import drawn_factors
 from harness.sensor.profiles import sensor_settings
 from tests.harness.sensor.sensor_scenes import AROUND, CALM, false_places, film, frame_of
@@ -52,11 +51,6 @@ def test_detectability_shifts_no_draw_of_false_objects_nor_of_the_first_scan():
         assert sorted(false_places(one)[0]) == sorted(false_places(other)[0])
     where = [dict(zip(one.truth_id, one.scan.detections.lon_m, strict=True)) for one in (plain[0], dark[0])]
     assert {name: where[0][name] for name in where[1] if name} == {name: where[1][name] for name in where[1] if name}
-
-
-def test_a_mean_below_the_least_factor_is_refused():
-    with pytest.raises(InputError, match="detectability_mean must lie between detectability_least and 1"):
-        sensor_settings("lidar", {"detectability_share": 0.1, "detectability_least": 0.7})
 
 
 def test_mirror_images_keep_their_distance_to_a_vehicle():

@@ -46,6 +46,7 @@ def test_a_number_given_as_text_counts_as_a_number():
         ("lidar", {"burst_share": 0.95}, "sensor.burst_share"),
         ("lidar", {"missed_run_s": 0.0}, "sensor.missed_run_s"),
         ("lidar", {"latency_s": -0.1}, "sensor.latency_s"),
+        ("lidar", {"detectability_share": 0.1, "detectability_least": 0.7}, "detectability_mean must lie between"),
     ],
 )
 def test_a_wrong_sensor_setting_is_refused_on_one_line_that_names_it(profile, overrides, named):

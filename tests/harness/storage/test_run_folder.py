@@ -82,12 +82,6 @@ def test_a_run_that_ends_second_does_not_replace_the_first(tmp_path):
     assert (tmp_path / "run" / "precious").exists()
 
 
-def test_an_existing_folder_is_kept_without_force(tmp_path):
-    (tmp_path / "run").mkdir()
-    with pytest.raises(InputError, match="`force`"):
-        runfolder.open_folder(tmp_path / "run", "x", force=False)
-
-
 def test_force_replaces_a_run_and_nothing_else(tmp_path):
     run, home = tmp_path / "run", tmp_path / "home"
     earlier = runfolder.open_folder(run, "x", force=False)
@@ -132,12 +126,6 @@ def test_an_incomplete_folder_with_a_users_files_is_not_replaced(tmp_path):
     (left / "notes.txt").write_text("mine")
     assert runfolder.open_folder(tmp_path / "run", "x", force=False).leave_incomplete().name == "run.incomplete-2"
     assert (left / "notes.txt").exists()
-
-
-def test_a_folder_that_cannot_be_made_is_told(tmp_path):
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="`out`"):
-        runfolder.open_folder(tmp_path / "file" / "run", "x", force=False)
 
 
 @pytest.mark.parametrize("manifest", [None, "", "[]", "{}", '{"status": "interrupted"}'])

@@ -109,11 +109,6 @@ def test_a_missing_extra_is_answered_with_its_installation(monkeypatch: pytest.M
         build_tracker("stonesoup-gnn", setting(), {})
 
 
-def test_a_dotted_path_builds_ones_own_tracker():
-    built = build_tracker("harness.trackers.oracle:build_oracle_kalman", setting(), {"lon_noise": 2.0})
-    assert isinstance(built, TruthAssociatedTracker)
-
-
 def committed_model(name: str) -> Path:
     return Path(str(files("mmpf.models").joinpath(name)))
 

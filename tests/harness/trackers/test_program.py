@@ -161,13 +161,6 @@ def test_a_program_that_does_not_end_is_killed_with_what_it_started(tmp_path):
     pytest.fail("the child of the program lives on")
 
 
-def test_a_config_file_does_not_start_a_program(tmp_path):
-    file = tmp_path / "config.toml"
-    file.write_text('[tracker]\nname = "exec:touch gotcha"\n')
-    with pytest.raises(InputError, match="using that runs code; if you trust it"):
-        resolve_run_config(file)
-
-
 def setting() -> TrackerSetting:
     return TrackerSetting(ROAD, SENSOR, np.random.default_rng(0))
 
