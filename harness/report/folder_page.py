@@ -17,19 +17,19 @@ from harness.analysis.tables import AXIS_LABELS
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.common.charts import Charts
 from harness.common.errors import InputError
-from harness.common.files import write_text
 from harness.common.untrusted_files import read_text
 from harness.report.grid_runs import runs_of
 from harness.report.html_tables import html_table
-from harness.report.page import chart_parts, embedded, page_of, render, write_run_page
+from harness.report.page import chart_parts, embedded, put_page, render, write_run_page
 from harness.running.finished import labels
-from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import sound_tables
+from harness.storage.grid_folder import GRID, RUNS
 from harness.storage.schema import NET
 
 PICTURES = (".png", ".svg")
-DOCUMENTS = ("grid.json", "config.toml", "manifest.json")
+DOCUMENTS = (GRID, runfolder.CONFIG, runfolder.MANIFEST)
+OF_SEVERAL_RUNS = (GRID, RUNS, "results.json")
 STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", NO_WORSE: "same", UNDECIDED: "same", UNTESTED: "same"}
 CURVES = "over_"
 """How the names of pictures begin that a grid's charts stand in place of."""
@@ -38,22 +38,23 @@ MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 
 def write_page(folder: Path) -> Path:
-    """Write ``report.html`` into a run's folder, or one with Markdown tables, ``runs.parquet`` or pictures; return it.
+    """Write ``report.html`` into the folder of a run, stress test, closed loop or study, and return it.
 
     Raises:
-        InputError: There is no such folder, the run in it did not end or is broken, or nothing in it can be shown.
+        InputError: It is no such folder, or the run in it did not end or is broken.
     """
     if not folder.is_dir():
         raise InputError(f"`folder`: there is no folder {folder}")
     with sound_tables(folder, "folder"):
-        can_be_shown = any(folder.glob("*.md")) or (folder / "runs.parquet").is_file() or any(_pictures(folder))
-        if (folder / runfolder.TRUTH).is_file() or not can_be_shown:
+        of_several = any((folder / name).is_file() for name in OF_SEVERAL_RUNS)
+        if (folder / runfolder.TRUTH).is_file() or (runfolder.is_run_folder(folder) and not of_several):
             return write_run_page(folder)
-        text = folder_page(folder)
-    page = page_of(folder)
-    write_text(page, text)
-    ownership.add(folder, [page])
-    return page
+        if of_several:
+            return put_page(folder, folder_page(folder))
+    raise InputError(
+        f"`folder`: {folder} has no page, as it is no results' folder: a run's holds {runfolder.MANIFEST}, a stress "
+        f"test's or closed loop's {GRID}, a study's results.json"
+    )
 
 
 def folder_page(folder: Path) -> str:

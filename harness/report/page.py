@@ -50,15 +50,11 @@ def write_run_page(folder: Path) -> Path:
     Raises:
         InputError: It is no finished run's folder, or one of its files is missing or broken.
     """
-    run = read_recorded_run(folder, "folder", MOST_SHOWN)
-    page = page_of(folder)
-    write_text(page, run_page(run))
-    ownership.add(folder, [page])
-    return page
+    return put_page(folder, run_page(read_recorded_run(folder, "folder", MOST_SHOWN)))
 
 
-def page_of(folder: Path) -> Path:
-    """Return where a folder's page goes.
+def put_page(folder: Path, text: str) -> Path:
+    """Write a folder's page and return it.
 
     Raises:
         InputError: Somebody else's page is there.
@@ -66,6 +62,8 @@ def page_of(folder: Path) -> Path:
     page = folder / PAGE
     if page.exists() and (not page.is_file() or (page.stat().st_size and MARK not in page.read_bytes())):
         raise InputError(f"`folder`: {page} was not made by this program; give it another name")
+    write_text(page, text)
+    ownership.add(folder, [page])
     return page
 
 

@@ -65,9 +65,7 @@ def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
     pd.DataFrame({"seed": [0, 1], "mot.hota": [91.5, 90.25], "error": [None, None]}).to_parquet(folder / "runs.parquet")
     page = write_page(folder)
     text, reader = page.read_text(encoding="utf-8"), read_page(page)
-    assert "<td>91.5</td>" in text
-    assert "90.25" in text
-    assert "mot.hota" in text
+    assert all(shown in text for shown in ("<td>91.5</td>", "90.25", "mot.hota"))
     assert "script" not in reader.tags
     assert [address for address in reader.addresses if address.startswith("data:image/png")]
     assert [address for address in reader.addresses if not address.startswith("data:")] == []
@@ -96,5 +94,8 @@ def test_somebody_elses_page_is_left_alone(tmp_path, refused):
 
 
 def test_a_folder_that_is_none_is_the_users_error(tmp_path, refused):
-    for folder in ("nowhere", tmp_path):
-        refused("report", folder)
+    refused("report", "nowhere")
+    (tmp_path / "notes.md").write_text("# Mine\n")
+    told = refused("report", tmp_path)
+    assert all(word in told for word in (str(tmp_path), "a run's holds manifest.json", "a stress test's"))
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.md"]
