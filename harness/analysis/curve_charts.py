@@ -39,19 +39,15 @@ def grid_charts(table: pd.DataFrame, axes: Sequence[str], cells: Sequence[int | 
     lists it, or None.
     """
     points = curve_points(table, axes)
-    leads = _leads(table.assign(cell=pd.array(list(cells), dtype="Int64")), {point.axis for point in points})
     shown = dict.fromkeys(point.axis for point in points)
+    done = labelled(table.assign(cell=pd.array(list(cells), dtype="Int64")))
+    # The cells whose runs stand behind each point.
+    leads: dict[Where, list[int]] = {
+        (label, axis, place): sorted({int(cell) for cell in runs["cell"].dropna()})
+        for axis in shown
+        for (label, place), runs in runs_at(done, axis)
+    }
     return {AXIS_LABELS.get(axis, axis): curve_charts(points, axis, leads) for axis in shown}
-
-
-def _leads(table: pd.DataFrame, axes: set[str]) -> dict[Where, list[int]]:
-    """Return the cells whose runs stand behind each point."""
-    done = labelled(table)
-    found: dict[Where, list[int]] = {}
-    for axis in sorted(axes):
-        for (label, place), runs in runs_at(done, axis):
-            found[label, axis, place] = sorted({int(cell) for cell in runs["cell"].dropna()})
-    return found
 
 
 def curve_charts(points: Sequence[Point], axis: str, leads: Mapping[Where, list[int]] | None = None) -> Charts:

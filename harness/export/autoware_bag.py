@@ -45,9 +45,13 @@ def export(run: RecordedRun, folder: Path) -> list[Path]:
     ego = run.truth[run.truth["is_ego"].to_numpy(dtype=bool)]
     poses = dict(zip(ego["step"].tolist(), np.column_stack(run.in_plane(ego)).tolist(), strict=True))
     others = run.truth[~run.truth["is_ego"].to_numpy(dtype=bool)]
+    whose = [run.reported[name].to_numpy(dtype=np.int64) for name in ("episode", "track_id")]
+    # In the plane the tables do not say which way a track heads.
+    orientation = UNAVAILABLE if run.road.has_headings else AVAILABLE
+    tracked = _objects(run, run.reported, np.column_stack(whose), track_sizes(run, *whose), orientation)
     boxes = (
         _by_step(run.detections, _detected(run)),
-        _by_step(run.reported, _tracked(run, run.reported)),
+        _by_step(run.reported, tracked),
         _by_step(others, _of_truth(run, others)),
     )
     path = folder / FILE
@@ -117,13 +121,6 @@ def _detected(run: RecordedRun) -> list[Message]:
         }
         for k in range(len(found))
     ]
-
-
-def _tracked(run: RecordedRun, tracks: pd.DataFrame) -> list[Message]:
-    episode, number = (tracks[name].to_numpy(dtype=np.int64) for name in ("episode", "track_id"))
-    # In the plane the tables do not say which way a track heads.
-    orientation = UNAVAILABLE if run.road.has_headings else AVAILABLE
-    return _objects(run, tracks, np.column_stack([episode, number]), track_sizes(run, episode, number), orientation)
 
 
 def _of_truth(run: RecordedRun, others: pd.DataFrame) -> list[Message]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pandas as pd
 import pyarrow as pa
 from pandas.api.types import is_numeric_dtype
 from pyarrow import csv
@@ -20,18 +19,15 @@ FORMULA = re.compile(r"[=+@\t\r]|-(?![\d.]+$)")
 def export(run: RecordedRun, folder: Path) -> list[Path]:
     """Write ``truth.csv`` and so on; numbers in full precision, what is missing as an empty field."""
     files = []
-    for path in sorted(run.folder.glob("*.parquet")):
-        files.append(folder / f"{path.stem}.csv")
-        table = _without_formulas(read_table(run.folder, path.name, "folder"))
-        csv.write_csv(pa.Table.from_pandas(table, preserve_index=False), files[-1])
-    return files
-
-
-def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table whose texts no spreadsheet takes for a formula: an apostrophe goes before those that begin so."""
-    texts = [name for name in table if not is_numeric_dtype(table[name])]
 
     def harmless(value: object) -> object:
+        """Return a value that no spreadsheet takes for a formula: before a text that begins so is an apostrophe."""
         return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
 
-    return table.assign(**{str(name): table[name].map(harmless) for name in texts})
+    for path in sorted(run.folder.glob("*.parquet")):
+        files.append(folder / f"{path.stem}.csv")
+        table = read_table(run.folder, path.name, "folder")
+        texts = [name for name in table if not is_numeric_dtype(table[name])]
+        table = table.assign(**{str(name): table[name].map(harmless) for name in texts})
+        csv.write_csv(pa.Table.from_pandas(table, preserve_index=False), files[-1])
+    return files

@@ -105,7 +105,11 @@ def _write(run: RecordedRun, recording: _Recording) -> None:
         if k == 0:
             recording.put("/road", time_ns, _road(run, time_ns))
         if step in ego_at:
-            recording.put("/tf", time_ns, _transform(ego_at[step], time_ns))
+            (x, y, heading), transform = ego_at[step], FrameTransform(parent_frame_id=MAP, child_frame_id=EGO)
+            _stamp(transform.timestamp, time_ns)
+            transform.translation.x, transform.translation.y = x, y
+            transform.rotation.z, transform.rotation.w = np.sin(0.5 * heading), np.cos(0.5 * heading)
+            recording.put("/tf", time_ns, transform)
         for topic, boxes in kinds.items():
             recording.put(topic, time_ns, _scene(boxes, step, time_ns, round(run.step_s * NANOSECONDS)))
         recording.put_curves(time_ns, {name: float(values[k]) for name, values in numbers.items()})
@@ -199,14 +203,6 @@ def _road(run: RecordedRun, time_ns: int) -> SceneUpdate:
         for x, y in line.points(lanes.road).tolist():
             drawn.points.add(x=x, y=y, z=0.0)
     return scene
-
-
-def _transform(place: Sequence[float], time_ns: int) -> FrameTransform:
-    transform = FrameTransform(parent_frame_id=MAP, child_frame_id=EGO)
-    _stamp(transform.timestamp, time_ns)
-    transform.translation.x, transform.translation.y = place[0], place[1]
-    transform.rotation.z, transform.rotation.w = np.sin(0.5 * place[2]), np.cos(0.5 * place[2])
-    return transform
 
 
 def _stamp(stamp: Any, time_ns: int) -> None:  # noqa: ANN401

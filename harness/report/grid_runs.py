@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -93,8 +93,14 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     trackers = list(dict.fromkeys(tracker for tracker, _ in links))
     overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
     has_curves = not grid.is_replay and not any(run.mismatch for run in grid.runs)
+    # Over all trackers that are not told the truth.
+    ranked = [
+        {"tracker": tracker, "setting": setting, "seed": run.config.seed, "score": values[place, SHOWN.index(RANKED)]}
+        for tracker, setting, place, run in placed
+        if run.config.tracker.name != COASTING_TRACKER
+    ]
     return RunsOfGrid(
-        conclusion=_conclusion(placed, values[:, SHOWN.index(RANKED)]),
+        conclusion=leading_sentence(pd.DataFrame(ranked), shown[SHOWN.index(RANKED)]) if ranked else "",
         about=_about(grid),
         metric=shown[0].label,
         overview=html_table(["tracker", *settings], overview),
@@ -102,17 +108,6 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
         left_out=len(placed) - len(listed),
         charts=grid_charts(table, grid.axes, cell_of) if has_curves else {},
     )
-
-
-def _conclusion(placed: Sequence[tuple[str, str, int, PlannedRun]], scores: FloatArray) -> str:
-    """Return the outcome over all trackers that are not told the truth."""
-    rows = [
-        {"tracker": tracker, "setting": setting, "seed": run.config.seed, "score": scores[place]}
-        for tracker, setting, place, run in placed
-        if run.config.tracker.name != COASTING_TRACKER
-    ]
-    ranked = next(quantity for quantity in compared_quantities() if quantity.key == RANKED)
-    return leading_sentence(pd.DataFrame(rows), ranked) if rows else ""
 
 
 def _about(grid: GridPlan) -> str:

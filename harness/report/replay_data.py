@@ -62,7 +62,13 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
     ... step.
     """
     reach_m = run.sensor.range_m + BEYOND_RANGE_M
-    truth = run.truth if beside is not None or run.commands is None else _with_demands(run.truth, run.commands)
+    truth = run.truth
+    if beside is None and run.commands is not None:
+        # In the ego's rows stands what its driver demands, by the truth and by the tracks.
+        by_step = run.commands.set_index("step")[["truth_mps2", "tracks_mps2"]]
+        demands = by_step.reindex(truth["step"]).to_numpy(dtype=np.float64)
+        demands[~truth["is_ego"].to_numpy(dtype=bool)] = np.nan
+        truth = truth.assign(demanded_by_truth_mps2=demands[:, 0], demanded_by_tracks_mps2=demands[:, 1])
     away_m = (np.abs(_away_from_ego(truth, truth, name)) for name in ("lon_m", "lat_m"))
     kept_truth = truth[np.maximum(*away_m) <= reach_m]
     size = _bytes(run, kept_truth) + (0 if beside is None else _bytes(beside.run, kept_truth))
@@ -200,14 +206,6 @@ def _others(table: pd.DataFrame, known: Mapping[str, Packing]) -> dict[str, Pack
     return {
         str(name): (str(name), "f4", 1.0) for name in table if table[name].dtype.kind == "f" and name not in left_out
     }
-
-
-def _with_demands(truth: pd.DataFrame, commands: pd.DataFrame) -> pd.DataFrame:
-    """Return the truth with what the ego's driver demands in the ego's rows, by the truth and by the tracks."""
-    by_step = commands.set_index("step")[["truth_mps2", "tracks_mps2"]]
-    demands = by_step.reindex(truth["step"]).to_numpy(dtype=np.float64)
-    demands[~truth["is_ego"].to_numpy(dtype=bool)] = np.nan
-    return truth.assign(demanded_by_truth_mps2=demands[:, 0], demanded_by_tracks_mps2=demands[:, 1])
 
 
 def _plots(truth: pd.DataFrame, tracks: pd.DataFrame) -> list[tuple[str, str, str, float]]:

@@ -62,7 +62,9 @@ def first_candidate(
     """Return what the measurements say by themselves: densities of each five minutes, gaps that carry the flow."""
     drivers = network.drivers
     if not keep_drivers:
-        headway_s = fmean(_headway_s(site.periods[name].statistics, drivers) for name in names)
+        found = [site.periods[name].statistics for name in names]
+        spacings_m = [1000.0 / each.density_veh_per_km_lane - drivers.standing_spacing_m for each in found]
+        headway_s = fmean(m / each.mean_speed_mps for m, each in zip(spacings_m, found, strict=True))
         drivers = drivers.model_copy(update={"headway_s": round(headway_s, 4)})
     start_m, end_m = network.section_m
     places_m = [round(start_m + (k + 0.5) / QUARTERS * (end_m - start_m), 1) for k in range(QUARTERS)]
@@ -239,11 +241,6 @@ def _scaled(demand: DemandFile, scale: float) -> DemandFile:
 
 def _within(value: float, ends: tuple[float, float], digits: int = 4) -> float:
     return round(float(np.clip(value, *ends)), digits)
-
-
-def _headway_s(statistics: PeriodStatistics, drivers: Drivers) -> float:
-    spacing_m = 1000.0 / statistics.density_veh_per_km_lane
-    return (spacing_m - drivers.standing_spacing_m) / statistics.mean_speed_mps
 
 
 def _quarter_headways_s(statistics: PeriodStatistics, drivers: Drivers) -> list[float]:

@@ -87,14 +87,6 @@ class RecordedSnapshots:
     hard_share: float = 0.0
 
 
-def recordings_of(seed: int, duration_s: float, sensor: str) -> list[RecordedSnapshots]:
-    """Return a seed's recordings: one for each density, and those in free flow with broken-down vehicles."""
-    return [
-        *(RecordedSnapshots(density, seed, duration_s, sensor) for density in DENSITIES),
-        *(RecordedSnapshots(FREE_FLOW, seed, FREE_FLOW_S, sensor, broken, HARD_SHARE) for broken in BROKEN_DOWN),
-    ]
-
-
 @cache
 def _snapshots(recording: RecordedSnapshots) -> SnapshotStream:
     traffic = {
@@ -283,7 +275,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(f"--tracker {unknown[0]}: unknown; choose all, or from {names}")
     if chosen.trials < 1 or chosen.workers < 1:
         parser.error("--trials and --workers: give 1 or more")
-    batches = [recordings_of(seed, chosen.duration, chosen.sensor) for seed in seeds]
+    # Of each seed a recording for each density, and those in free flow with broken-down vehicles.
+    batches = [
+        [
+            *(RecordedSnapshots(density, seed, chosen.duration, chosen.sensor) for density in DENSITIES),
+            *(RecordedSnapshots(FREE_FLOW, seed, FREE_FLOW_S, chosen.sensor, n, HARD_SHARE) for n in BROKEN_DOWN),
+        ]
+        for seed in seeds
+    ]
     recordings = [asdict(each) for batch in batches for each in batch]
     with ProcessPoolExecutor(chosen.workers, get_context("spawn"), end_with_parent) as pool:
         for name in trackers:

@@ -85,7 +85,12 @@ def following_windows(recording: Recording, road: Road, steps: int) -> CarFollow
     )
     nearer = np.concatenate([[False], gap[1:] < gap[:-1] - CUT_IN_LEAST_M])
     new_leader = ~_unchanged(leader_vehicle) & _unchanged(vehicle) & _unchanged(lane) & nearer
-    start = _window_starts(settled, same_as_before, steps)
+    goes_on = settled & same_as_before & np.concatenate([[False], settled[:-1]])
+    run_start = np.flatnonzero(~goes_on)
+    run_length = np.diff(np.append(run_start, len(settled)))
+    windows = np.where(settled[run_start], run_length // steps, 0)
+    offset = np.arange(windows.sum()) - np.repeat(np.cumsum(windows) - windows, windows)
+    start = np.repeat(run_start, windows) + offset * steps
     own, leaders = (rows[start[:, None] + np.arange(steps)] for rows in (by_vehicle, leader))
     lines, others = lane_lines(road, lane[start]), others_at(recording, leaders)
     # A leader is as long as it is at the beginning.
@@ -111,12 +116,3 @@ def load_following(paths: Sequence[Path], road: Road) -> CarFollowing:
 
 def _unchanged(column: IntArray) -> BoolArray:
     return np.concatenate([[False], column[1:] == column[:-1]])
-
-
-def _window_starts(settled: BoolArray, same_as_before: BoolArray, steps: int) -> IntArray:
-    goes_on = settled & same_as_before & np.concatenate([[False], settled[:-1]])
-    run_start = np.flatnonzero(~goes_on)
-    run_length = np.diff(np.append(run_start, len(settled)))
-    windows = np.where(settled[run_start], run_length // steps, 0)
-    offset = np.arange(windows.sum()) - np.repeat(np.cumsum(windows) - windows, windows)
-    return np.asarray(np.repeat(run_start, windows) + offset * steps)

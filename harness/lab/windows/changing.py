@@ -56,8 +56,13 @@ def lane_change_windows(recording: Recording, road: Road) -> LaneChanges:
     direction = np.sign(second_m - first_m)
     step, lon = recording.step[rows], recording.lon_m[rows]
     on_original, on_target = original[:, None], target[:, None]
+    state = np.empty((STATE_SIZE, *rows.shape))
+    state[LON], state[SPEED], state[ACCEL] = lon, recording.speed_mps[rows], recording.accel_mps2[rows]
+    state[LAT] = direction[:, None] * (recording.lat_m[rows] - first_m[:, None])
+    state[LAT_SPEED] = direction[:, None] * recording.lat_speed_mps[rows]
+    state[LAT_ACCEL] = np.diff(state[LAT_SPEED], axis=1, prepend=state[LAT_SPEED][:, :1]) / STEP_S
     return LaneChanges(
-        states=_mirrored_states(recording, rows, direction, first_m).swapaxes(0, 1),
+        states=state.swapaxes(0, 1),
         length_m=recording.length_m[rows[:, 0]],
         lane_width_m=np.abs(second_m - first_m),
         leader=others_at(recording, nearest_row(recording, step, on_original, lon, ahead=True)),
@@ -95,13 +100,3 @@ def _single_changes(recording: Recording, by_vehicle: IntArray, half: int) -> In
     whole = (vehicle[place - half] == vehicle[place + half]) & (step[place + half] - step[place - half] == 2 * half)
     on_road = (lane[place] != NO_LANE) & (lane[place - 1] != NO_LANE)
     return np.asarray(place[alone & whole & on_road])
-
-
-def _mirrored_states(recording: Recording, rows: IntArray, direction: FloatArray, origin_m: FloatArray) -> FloatArray:
-    state = np.empty((STATE_SIZE, *rows.shape))
-    state[LON], state[SPEED] = recording.lon_m[rows], recording.speed_mps[rows]
-    state[ACCEL] = recording.accel_mps2[rows]
-    state[LAT] = direction[:, None] * (recording.lat_m[rows] - origin_m[:, None])
-    state[LAT_SPEED] = direction[:, None] * recording.lat_speed_mps[rows]
-    state[LAT_ACCEL] = np.diff(state[LAT_SPEED], axis=1, prepend=state[LAT_SPEED][:, :1]) / STEP_S
-    return state
