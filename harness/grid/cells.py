@@ -170,13 +170,14 @@ ALWAYS = ("traffic.density", "traffic.demand", "seed")
 
 def command_of(config: RunConfig) -> str:
     """Return the command line that makes this very run again; what is not said in it is the default."""
-    default = dict(leaves(RunConfig(tracker=TrackerConfig(name=config.tracker.name)).as_table()))
+    default = dict(leaves(RunConfig(tracker=TrackerConfig(name=config.tracker.name)).model_dump()))
     words, option_of = ["python", "-m", "harness", "run"], {key: name for name, key in keys_of_options().items()}
     for key, value in leaves(config.as_table()):
         if key not in ALWAYS and value == (DEFAULT_TRACKER if key == "tracker.name" else default.get(key)):
             continue
         if key in option_of:
-            words += [f"--{option_of[key].replace('_', '-')}", str(value)]
+            text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            words += [f"--{option_of[key].replace('_', '-')}", text]
             continue
         # A text stands for itself that TOML would not read as a number, a truth value or a list.
         is_word = isinstance(value, str) and value.replace("_", "").isalpha()

@@ -36,6 +36,7 @@ def told(command):
         GridRequest(demands="us101-0750", trackers="mmpf+update=max_likelihood,stonesoup-jpda", seeds="1"),
         GridRequest(densities="20", vary=("sensor.range_m=40,160", "tracker.particles=200,500"), duration_s=9.5),
         GridRequest(densities="20", trackers="mmpf,stonesoup-gnn", mismatch=True, seeds="1", sensor="radar"),
+        GridRequest(densities="20", seeds="1", settings=("altered.hide_s=[1,2.5]", "altered.burst_share=0.15")),
     ],
 )  # fmt: skip
 def test_the_command_of_each_run_asks_for_the_very_same_run(request_):
