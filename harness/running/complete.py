@@ -120,7 +120,13 @@ def truth_table(rows: pd.DataFrame, road: Road, figures: SensorSettings) -> tupl
     rows["vehicle_id"], rows["is_ego"] = rows["id"].astype(str), rows["is_ego"].astype(bool)
     for column, of_ego, usual in zip(SIZE, EGO_SIZE_M, NOMINAL_SIZE_M, strict=True):
         rows[column] = filled(rows, column, np.where(rows["is_ego"], of_ego, usual))
-    _complete_motion(rows, road)
+    # From places, in the plane along the heading.
+    lon_speed, lat_speed = (slope_of(rows, name) for name in ("lon_m", "lat_m"))
+    rows["heading_rad"] = filled(rows, "heading_rad", np.arctan2(lat_speed, lon_speed))
+    lon_speed, lat_speed = turned(lon_speed, lat_speed, road.axis_of(rows["heading_rad"].to_numpy()))
+    rows["speed_mps"] = filled(rows, "speed_mps", lon_speed)
+    rows["lat_speed_mps"] = filled(rows, "lat_speed_mps", lat_speed)
+    rows["accel_mps2"] = filled(rows, "accel_mps2", slope_of(rows, "speed_mps"))
     if road.has_headings:
         rows["direction_rad"] = rows["heading_rad"]
         rows["lane"] = NO_LANE
@@ -151,16 +157,6 @@ def filled(rows: pd.DataFrame, column: str, usual: FloatArray | float) -> FloatA
     """Return a column, shape (n,), with the usual value, of each row or of all, where it is missing or not finite."""
     values = rows[column].to_numpy(dtype=np.float64) if column in rows else np.full(len(rows), np.nan)
     return np.where(np.isfinite(values), values, usual)
-
-
-def _complete_motion(rows: pd.DataFrame, road: Road) -> None:
-    """Fill in headings, speeds and accelerations that are not there, from places; in the plane along the heading."""
-    lon_speed, lat_speed = (slope_of(rows, name) for name in ("lon_m", "lat_m"))
-    rows["heading_rad"] = filled(rows, "heading_rad", np.arctan2(lat_speed, lon_speed))
-    lon_speed, lat_speed = turned(lon_speed, lat_speed, road.axis_of(rows["heading_rad"].to_numpy()))
-    rows["speed_mps"] = filled(rows, "speed_mps", lon_speed)
-    rows["lat_speed_mps"] = filled(rows, "lat_speed_mps", lat_speed)
-    rows["accel_mps2"] = filled(rows, "accel_mps2", slope_of(rows, "speed_mps"))
 
 
 def slope_of(rows: pd.DataFrame, column: str) -> FloatArray:

@@ -71,7 +71,12 @@ def _road(path: Path, parameter: str) -> Road:
             walls_xy = np.array(fields["walls_xy"], dtype=np.float64).reshape(-1, 4)
             Numbers(0, MOST_POINTS).check("the count of its walls", len(walls_xy))
             PLACE_M.check("a wall", walls_xy)
-        _check_frame(road)
+        points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
+        Numbers(2, 100_000).check("the count of points of its reference line", len(points))
+        PLACE_M.check("its reference line", points)
+        Numbers(1e-9).check("the way between two points of its reference line", np.hypot(*np.diff(points, axis=0).T))
+        PLACE_M.check("its begin", road.reference_start_m)
+        Numbers(PLACE_M.least, PLACE_M.most, rising=True).check("its section", road.section_m)
         if "graph" not in fields:
             if problem := lanes_problem(road.lanes):
                 raise ValueError(problem)
@@ -81,16 +86,6 @@ def _road(path: Path, parameter: str) -> Road:
         if replace(road, section_m=CorridorRoad.section_m) != CorridorRoad(lanes=()):
             raise ValueError("beside a graph of lanes its frame must be the plane")
         return LaneGraphRoad(_graph_of(fields["graph"]), road.section_m, walls_xy)
-
-
-def _check_frame(road: CorridorRoad) -> None:
-    """Refuse, with a ValueError, a road without drivable lanes."""
-    points = np.array(road.reference_xy, dtype=np.float64).reshape(-1, 2)
-    Numbers(2, 100_000).check("the count of points of its reference line", len(points))
-    PLACE_M.check("its reference line", points)
-    Numbers(1e-9).check("the way between two points of its reference line", np.hypot(*np.diff(points, axis=0).T))
-    PLACE_M.check("its begin", road.reference_start_m)
-    Numbers(PLACE_M.least, PLACE_M.most, rising=True).check("its section", road.section_m)
 
 
 def _graph_of(table: Mapping[str, Any]) -> LaneGraph:
