@@ -61,18 +61,6 @@ def test_a_duplicate_beside_a_seen_vehicle_is_false():
     assert scores["mot"]["false_tracks"] == 98
 
 
-def test_a_track_that_was_not_reported_for_a_while_has_its_last_detection_from_before():
-    scene = Scene(100).clutter(at=[10], lon=90.0).track(8, lon=90.0, at=[10, *range(13, 30)])
-    assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == len([10, 13, 14, 15])
-
-
-def test_in_another_episode_the_same_number_is_another_track_and_counts_anew():
-    first, second = STEPS[:50], STEPS[50:]
-    scene = Scene(0).vehicle("ego", 0.0, is_ego=True, at=first).vehicle("ego", 0.0, is_ego=True, at=second, episode=1)
-    scene.track(8, lon=90.0, at=first).track(8, lon=90.0, at=second)
-    assert score_run(*scene.tables()).metrics["mot"]["false_tracks"] == 6 + 6
-
-
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_busy_run_has_those_tracks_in_sight_that_plain_loops_find(seed):
     assert_equal_to_plain_loops(*traffic(steps=80, vehicles=30, seed=seed), both=True)

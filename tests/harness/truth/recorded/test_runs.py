@@ -43,12 +43,6 @@ def test_the_metrics_say_what_became_of_every_vehicle(recording, tmp_path):
     assert told["format"] == "ngsim"
 
 
-def test_a_replay_of_a_run_refuses_another_ego(recording, tmp_path):
-    first = run(configured(recording, duration=0.5), out=tmp_path / "first").folder
-    with pytest.raises(InputError, match="`ego`"):
-        configured(first, ego="each")
-
-
 def test_a_run_may_begin_in_the_middle_of_a_recording(recording, tmp_path):
     whole = pd.read_parquet(run(configured(recording, duration=3.5), out=tmp_path / "whole").folder / runfolder.TRUTH)
     config = resolve_run_config(
