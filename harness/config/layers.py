@@ -21,6 +21,7 @@ from harness.common.errors import InputError
 from harness.common.untrusted_files import read_toml
 from harness.config.model import DEFAULT_TRACKER, RunConfig, TrackerConfig
 from harness.config.options import keys_of_options
+from harness.config.sensor import SensorSettings
 from mmpf.options.base import fields_of, names_code
 
 Table = dict[str, Any]
@@ -51,6 +52,8 @@ def config_from_table(table: Table) -> RunConfig:
         key, message, given, unknown = first_problem(error)
         if unknown:
             known = [name for name, _ in fields_of(RunConfig)]
+            at = known.index("sensor.profile")
+            known[at:at] = [name for name, _ in fields_of(SensorSettings, "sensor.")]
             raise InputError(f"unknown key {key!r}{nearest(key, known)}") from None
         parameter = parameter_of(key)
         place = f"`{parameter}` ({key})" if parameter else key or "configuration"

@@ -40,11 +40,13 @@ def test_a_sumo_configuration_keeps_its_own_demand():
     assert resolve_run_config(options={"net": "my.sumocfg"}).traffic.density is None
 
 
-def test_unknown_key_is_told_with_its_nearest(tmp_path):
-    file = tmp_path / "a.toml"
-    file.write_text("[traffic]\ndensty = 20\n")
-    with pytest.raises(InputError, match=r"traffic\.densty.*did you mean traffic\.density"):
-        resolve_run_config(file)
+@pytest.mark.parametrize(
+    ("key", "meant"),
+    [("traffic.densty", "traffic.density"), ("range_m", "sensor.range_m or tracker.believes.range_m")],
+)
+def test_unknown_key_is_told_with_its_nearest(key, meant):
+    with pytest.raises(InputError, match=f"{key}'; did you mean {meant}"):
+        resolve_run_config(settings=[f"{key}=20"])
 
 
 @pytest.mark.parametrize("text", ["a = [", "= 3", "[traffic\n", "\x00"])
