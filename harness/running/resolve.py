@@ -13,11 +13,11 @@ from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.untrusted_files import checked_path, read_toml
 from harness.config.layers import check_modules, config_from_table, leaves, merged, parameter_of
-from harness.config.model import RunConfig, SensorConfig, brings_its_own_demand
+from harness.config.model import DEFAULT_TRACKER, RunConfig, SensorConfig, TrackerConfig, brings_its_own_demand
 from harness.decisions.drivers.protocol import drivers
 from harness.sensor.profiles import has_all_figures, is_built_in, sensor_profiles, sensor_settings
 from harness.storage import run_folder as runfolder
-from harness.trackers.catalogue import trackers
+from harness.trackers.catalogue import available_trackers, tracker_options, trackers
 from harness.truth.network.demand import DEFAULT_DENSITY
 from harness.truth.network.network import default_demand
 from harness.truth.recorded.formats import example, network_of, recognise
@@ -53,7 +53,20 @@ def resolve_run_config(
     elif isinstance(traffic := table.get("traffic"), Mapping) and traffic.get("recording"):
         parameter = next(iter(traffic["recording"]))
         raise InputError(f"`{parameter}`: simulated traffic has no such choice; add `replay`, recorded traffic")
-    return with_usual_traffic(config_from_table(table))
+    config = config_from_table(table)
+    _check_takes_options(config.tracker)
+    return with_usual_traffic(config)
+
+
+def _check_takes_options(tracker: TrackerConfig) -> None:
+    """Refuse an option of the command line that only other trackers of this program take."""
+    built_in = available_trackers()
+    if tracker.name == DEFAULT_TRACKER or tracker.name not in built_in:
+        return
+    named = tracker.all_options().keys() - tracker.options.keys()
+    for option in sorted(named - tracker_options(tracker.name).model_fields.keys()):
+        others = ", ".join(name for name in built_in if option in tracker_options(name).model_fields)
+        raise InputError(f"`{option}`: {tracker.name} takes none; these trackers do: {others}")
 
 
 def with_usual_traffic(config: RunConfig) -> RunConfig:

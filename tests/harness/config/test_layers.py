@@ -28,6 +28,11 @@ def test_another_tracker_does_not_inherit_the_options_of_an_earlier_layers_track
     assert (same["model"], same["particles"], same["joint"]) == ("cam", 50, {"association": {"gate_std": 4.0}})
 
 
+def test_an_option_that_the_tracker_does_not_take_is_told_with_the_trackers_that_do():
+    with pytest.raises(InputError, match="`model`: pmbm takes none; these trackers do: mmpf"):
+        resolve_run_config(options={"tracker": "pmbm", "model": "idm"})
+
+
 def test_a_later_density_replaces_an_earlier_demand(tmp_path):
     file = tmp_path / "a.toml"
     file.write_text('[traffic]\ndemand = "jam"\n')
