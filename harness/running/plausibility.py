@@ -44,26 +44,30 @@ def warn_of_implausible(tables: Mapping[str, pd.DataFrame], road: Road, told: se
     truth, detections, tracks = (tables[name] for name in (runfolder.TRUTH, runfolder.DETECTIONS, runfolder.TRACKS))
     found = [f"a vehicle {kind}" for kind in implausible_truth(truth, road)]
     found += implausible_reports(truth, detections, tracks)
-    if new := "; ".join(kind for kind in found if kind not in told):
-        sys.stderr.write(f"warning: this is unlikely: {new}; check its units, axes, times and names, or the tracker\n")
-    told.update(found)
+    if new := "; ".join(kind for kind in found if kind.partition(" (")[0] not in told):
+        sys.stderr.write(
+            f"warning: this is unlikely: {new}; check its frame, units, axes, times and names, or the tracker\n"
+        )
+    told.update(kind.partition(" (")[0] for kind in found)
 
 
 def implausible_reports(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame) -> list[str]:
     """Return what is implausible in tables of detections and tracks beside that of the truth, in words.
 
-    Tracks may follow clutter, as most do at the start of a run among few vehicles.
+    Tracks may follow clutter, as most do at the start of a run among few vehicles. On a full road, tracks in another
+    frame lie near vehicles out of range.
     """
-    of_one = detections["truth_id"] != ""
-    there = cKDTree(np.vstack([_places(truth), _places(detections[~of_one] if of_one.any() else detections[:0])]))
+    of_one, near = detections["truth_id"] != "", truth[truth["in_range"].astype(bool) | truth["is_ego"].astype(bool)]
+    there = cKDTree(np.vstack([_places(near), _places(detections[~of_one] if of_one.any() else detections[:0])]))
     of = truth.set_index(["step", "vehicle_id"])[["lon_m", "lat_m"]]
     own = of[~of.index.duplicated()].reindex(pd.MultiIndex.from_frame(detections[["step", "truth_id"]])).to_numpy()
     off_m = np.hypot(*(detections[["lon_m", "lat_m"]].to_numpy() - own).T)
     away_m = np.asarray(there.query(_places(tracks))[0])
+    median_m = np.median(away_m) if len(away_m) else 0.0
     has_speeds, std_m = bool(tracks["speed_mps"].any()), tracks["std_lon_m"]
     shares = {
         "detections are over 10 m from their vehicles": _share(off_m[np.isfinite(off_m)] > FAR_M),
-        "tracks are over 10 m from any vehicle": _share(away_m > FAR_M),
+        f"tracks are over 10 m from any vehicle (median {median_m:.0f} m)": _share(away_m > FAR_M),
         "tracks move not as fast as they say": _unlike(tracks, tracks["track_id"].to_numpy()) * has_speeds,
         "tracks speed up by over 50 m/s2": _share(tracks["accel_mps2"].abs() > MOST_MPS2),
         "tracks have deviations of under 5 mm or over 100 m": _share((std_m < STD_M[0]) | (std_m > STD_M[1])),

@@ -46,6 +46,14 @@ def test_detections_and_tracks_in_another_frame_are_told_of_once_a_run(capsys):
     assert "detections are over 10 m from their vehicles; tracks are over 10 m from any" in line
 
 
+def test_tracks_near_none_but_vehicles_out_of_range_are_told_of_with_their_distance():
+    beyond = truth_table({}).eval("lon_m = lon_m + 500\nin_range = False\nis_ego = False")
+    tracks = track_table().eval("lon_m = lon_m + 500")
+    told = implausible_reports(pd.concat([truth_table({}), beyond]), detection_table({}), tracks)
+    # Most tracks follow the vehicle that is 25 m behind the last one in range.
+    assert told == ["tracks are over 10 m from any vehicle (median 475 m)"]
+
+
 def test_tracks_that_follow_clutter_are_no_fault_of_their_frame():
     detections, tracks = detection_table({}), track_table().assign(lat_m=25.0)
     assert implausible_reports(truth_table({}), detections, tracks)
