@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from typing import Any
 from urllib.parse import quote
 
@@ -10,11 +11,17 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
 
+from harness.common.error_text import shown
 from harness.common.numbers import number
 from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, followed, mot_columns, mot_value, other_scores
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
+from harness.scoring.metrics import registry
+from harness.storage.grid_folder import flattened
 from harness.storage.tables import floats
 
+MOST_ROWS = 300
+NO_METRICS = {"run", "timing", "traffic", "recording", "nuscenes", "episode", "drive"}
+"""Tables of ``metrics.json`` that no metric has made."""
 MOT_ROWS = (("mot", "in sight"), ("mot_all", "detected in the last 10 s"))
 
 
@@ -66,9 +73,21 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
     """Return the multi-object scores of both sets of vehicles, and other scores that metrics want shown."""
     columns = mot_columns()
     rows = [[name, *(mot_value(metrics, key, column) for column in columns)] for key, name in MOT_ROWS]
-    table, others = html_table(["vehicles", *(column.heading for column in columns)], rows), other_scores(metrics)
+    table = html_table(["vehicles", *(column.heading for column in columns)], rows)
+    others = [*other_scores(metrics), *_unknown_scores(metrics)]
     next_box = Markup("</div>\n<div class='scroll'>")
     return table + next_box + html_table(["score", "value", "better", "samples"], others) if others else table
+
+
+def _unknown_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
+    """Return a row for each number of metrics whose module is not imported, with its key in place of its name."""
+    known = {*registry.METRICS, *NO_METRICS}
+    own = flattened({name: table for name, table in metrics.items() if name not in known})
+    return [
+        [key, f"{value:.4g}" if isinstance(value, float) else shown(value, 20), "", ""]
+        for key, value in islice(own.items(), MOST_ROWS)
+        if isinstance(value, int | float)
+    ]
 
 
 def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
@@ -77,7 +96,6 @@ def _with_interval(row: Mapping[str, Any], key: str) -> Markup:
     return escape(number(value, 2)) + below(f"{interval[0]:.2f} to {interval[1]:.2f}" if interval else lacking)
 
 
-MOST_ROWS = 300
 HIDDEN = "hidden"
 HEADINGS = (
     *("vehicle", "not hidden, s", "hidden, s", "followed while not hidden, %", "error while not hidden, m"),

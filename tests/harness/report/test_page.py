@@ -7,7 +7,7 @@ import pandas as pd
 from harness.commands.app import run_command_line
 from harness.report.folder_page import write_page
 from harness.report.page import write_run_page
-from tests.harness.recorded_scene import write_recorded_scene
+from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
 
 class Reader(HTMLParser):
@@ -53,6 +53,14 @@ def test_a_vehicles_name_cannot_break_the_page(tmp_path):
     assert len(reader.scripts) == 6, (
         "the replay, its data, the charts, their data, their library, and what sorts a table"
     )
+
+
+def test_a_metric_whose_module_is_not_imported_is_shown_by_its_key(tmp_path):
+    folder = write_recorded_scene(tmp_path / "run")
+    scores = metrics_of(folder) | {"mine": {"best": {"lon_m": 1.25}}}
+    (folder / "metrics.json").write_text(json.dumps(scores))
+    shown = "<th scope='row'>mine.best.lon_m</th><td>1.25</td>"
+    assert shown in write_run_page(folder).read_text(encoding="utf-8")
 
 
 def test_a_grids_folder_becomes_a_page_with_its_tables_and_pictures(tmp_path):
