@@ -160,20 +160,20 @@ def _write_beside(folder: Path, cell: Cell, run: PlannedRun, kept: set[str]) -> 
     ownership.add(b.folder, [page])
 
 
+IN_WORDS = {UNTESTED: "described, not tested"}
 COLOURS = (
     (WORSE, "var(--hidden)"),
     (UNDECIDED, "var(--partial)"),
     (NO_WORSE, "var(--visible)"),
     (BETTER, "var(--series-0)"),
-    (UNTESTED, "var(--edge)"),
+    (IN_WORDS[UNTESTED], "var(--edge)"),
 )
-IN_WORDS = {UNTESTED: "described, not tested"}
 LINEAR_PERCENT = 3.0
 """Up to this the scale is even; beyond, equal ratios take equal lengths."""
 TICKS = [-1000, -100, -10, -3, 0, 3, 10, 100, 1000]
 LEAST_CHANGE, MOST_CHANGE = 5.0, 2000.0
 ZERO_PLAIN = "datum.value == 0 ? '0' : format(datum.value, '+,d')"
-ROW_PX, FRAME_PX = 36, 60
+ROW_PX, FRAME_PX = 40, 60
 NOTE = (
     "How much better (right) or worse (left) b is than a, in percent of a's value, with 95 % intervals. The grey band "
     "is the tolerance: b is no worse if its whole interval lies to the right of the band's left edge. Beyond {:g} %, "
@@ -196,7 +196,7 @@ def comparison_charts(comparison: Judgement) -> Charts | None:
             spec = spec_of(description, rows, _layers(rows), ROW_PX * len(rows) + FRAME_PX)
             charts.append(Chart(label, description, spec))
     shown = {row["verdict"] for chart in charts for row in chart.spec["data"]["values"]}
-    lines = tuple((IN_WORDS.get(word, word), colour) for word, colour in COLOURS if IN_WORDS.get(word, word) in shown)
+    lines = tuple(line for line in COLOURS if line[0] in shown)
     of_zero = dict.fromkeys(name_of(each.metric) for each in comparison.verdicts if each.a == 0.0 and each.difference)
     note = NOTE.format(LINEAR_PERCENT) + (NOT_DRAWN.format(", ".join(of_zero)) if of_zero else "")
     return Charts(tuple(charts), lines, note, HINT, wide=True) if charts else None
@@ -232,7 +232,6 @@ def _row(verdict: Verdict, rules: Rules) -> dict[str, Any] | None:
 def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
     shown = (row[name] for row in rows for name in ("change", "low", "high"))
     reach = 1.15 * max(LEAST_CHANGE, *(abs(value) for value in shown if value is not None))
-    lines = [(IN_WORDS.get(word, word), colour) for word, colour in COLOURS]
     x: Spec = {
         "type": "quantitative",
         "title": "b worse  ←  change in % of a  →  b better",
@@ -245,18 +244,18 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
         },
     }
     # Names stand above their rows, so that the plot keeps its width on a small screen.
-    above: Spec = {"labelAlign": "left", "labelPadding": -4, "labelOffset": -11, "labelLimit": {"expr": "width"}}
+    above: Spec = {"labelAlign": "left", "labelPadding": -4, "labelOffset": -14, "labelLimit": {"expr": "width"}}
     small: Spec = {"labelFontSize": {"expr": "width < 400 ? 10.5 : 12"}}
-    axis: Spec = {"title": None, "grid": False, "ticks": False, "domain": False} | above | small
+    axis: Spec = {"title": None, "grid": False, "ticks": False, "domain": False, "zindex": 1} | above | small
     y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
-    shade: Spec = {"color": colour_by("verdict", lines), "opacity": strength("verdict")}
+    shade: Spec = {"color": colour_by("verdict", COLOURS), "opacity": strength("verdict")}
     change: Spec = {"y": y, "x": {**x, "field": "change"}}
     point: Spec = {"type": "point", "filled": True}
     values = (("values", "a and b"), ("difference", "b minus a"), ("interval", "95 % interval"))
     tooltip = tooltip_of(("metric", "metric"), *values, ("pairs", "pairs"), ("verdict", "b is"))
     return [
         {
-            "mark": {"type": "bar", "height": {"band": 0.4}, "color": "var(--line)", "tooltip": None},
+            "mark": {"type": "bar", "height": {"band": 0.3}, "color": "var(--line)", "tooltip": None},
             "encoding": {"y": y, "x": {**x, "field": "below"}, "x2": {"field": "tolerance"}},
         },
         {"data": {"values": [{}]}, "mark": {"type": "rule"}, "encoding": {"x": {**x, "datum": 0}}},
