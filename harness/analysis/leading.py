@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 
@@ -12,13 +14,17 @@ MOST_SETTINGS, FEWEST = 2, 3
 """Of more settings the least and the largest lead are told; nobody is ahead in fewer seeds, or settings of one."""
 
 
-def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
+def leading_sentence(
+    runs: pd.DataFrame, quantity: Quantity, decided: Callable[[str, str], bool | None] = lambda *_: None
+) -> str:
     """Return which tracker is ahead of the next one, with Student's 95 % interval over seeds, and how much by setting.
 
-    Trackers are ranked by the mean of their settings' means; one is ahead if the interval excludes 0.
+    Trackers are ranked by the mean of their settings' means.
 
     Args:
         runs: A row for each run: ``tracker``, ``setting`` in words, ``seed`` and ``score``.
+        decided: Returns whether the verdict is that the first tracker is ahead of the second; None where there is no
+            verdict on the two, so that the first is ahead if the interval excludes 0.
 
     Returns:
         The sentence; empty with fewer than two trackers that have a score on the same traffic.
@@ -39,10 +45,10 @@ def leading_sentence(runs: pd.DataFrame, quantity: Quantity) -> str:
     told = f" ({between.format(*parts)})" if len(by_setting) > 1 else f" at {shown[0]}"
     seeds = pairs.index.get_level_values("seed").nunique()
     enough = (seeds if seeds > 1 else len(by_setting)) >= FEWEST
-    ahead = "is ahead of" if overall.ci95[0] > 0.0 and enough else "is not clearly ahead of"
-    measure = quantity.label.rpartition(", ")[0]
-    few = "" if enough or not np.isfinite(overall.se) else ", too few to tell"
-    return f"In {measure}, {ranked[0]} {ahead} {ranked[1]}: {_in_words(overall, quantity, seeds)}{few}{told}."
+    verdict = decided(*ranked[:2])
+    clear = overall.ci95[0] > 0.0 and enough if verdict is None else verdict
+    claim = f"{'' if clear else 'it is undecided whether '}{ranked[0]} is ahead of {ranked[1]}"
+    return f"In {quantity.label.rpartition(', ')[0]}, {claim}: {_in_words(overall, quantity, seeds)}{told}."
 
 
 def _lead(pairs: pd.DataFrame) -> Effect:

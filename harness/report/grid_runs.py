@@ -12,10 +12,13 @@ import pandas as pd
 from markupsafe import Markup
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
+from harness.analysis.compare import compare
 from harness.analysis.curve_charts import grid_charts
 from harness.analysis.curves import ratio_of, summed_by, sums_and_weights
 from harness.analysis.leading import leading_sentence
 from harness.analysis.rules import compared_quantities
+from harness.analysis.sources import open_source
+from harness.analysis.verdicts import BETTER, WORSE
 from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.numbers import number
@@ -83,7 +86,14 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
         runs = [(place, run) for _, _, place, run in members]
         text = _mean(table.iloc[[place for place, _ in runs]], shown[0])
         links[tracker, setting] = Markup("<a href='#cell-{}'>{}</a>").format(cell, text)
-        rows = [_row(folder, run, shown, values[place], beside.get(run.key)) for place, run in runs]
+        rows = [
+            [
+                str(run.config.seed),
+                *(number(value, each.decimals) for each, value in zip(shown, values[place].tolist(), strict=True)),
+                Markup(" · ").join(_ways(folder, run, beside.get(run.key))),
+            ]
+            for place, run in runs
+        ]
         for place, _ in runs:
             cell_of[place] = cell
         headings = ["seed", *(quantity.heading or quantity.label for quantity in shown), "run"]
@@ -93,14 +103,8 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     trackers = list(dict.fromkeys(tracker for tracker, _ in links))
     overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
     has_curves = not grid.is_replay and not any(run.mismatch for run in grid.runs)
-    # Over all trackers that are not told the truth.
-    ranked = [
-        {"tracker": tracker, "setting": setting, "seed": run.config.seed, "score": values[place, SHOWN.index(RANKED)]}
-        for tracker, setting, place, run in placed
-        if run.config.tracker.name != COASTING_TRACKER
-    ]
     return RunsOfGrid(
-        conclusion=leading_sentence(pd.DataFrame(ranked), shown[SHOWN.index(RANKED)]) if ranked else "",
+        conclusion=_conclusion(folder, placed, values[:, SHOWN.index(RANKED)]),
         about=_about(grid),
         metric=shown[0].label,
         overview=html_table(["tracker", *settings], overview),
@@ -108,6 +112,27 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
         left_out=len(placed) - len(listed),
         charts=grid_charts(table, grid.axes, cell_of) if has_curves else {},
     )
+
+
+def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], scores: FloatArray) -> str:
+    """Return the outcome over all trackers that are not told the truth, in agreement with the page's verdicts."""
+    in_order = [tracker for tracker, *_ in sorted(placed, key=lambda each: each[2])]
+
+    def decided(first: str, second: str) -> bool | None:
+        a, b = sorted((first, second), key=in_order.index)
+        try:
+            judged = compare(*(open_source(f"{folder}@{label}", "folder") for label in (a, b))).primary
+        except (InputError, ValueError):
+            return None
+        return any(each.metric == RANKED and each.verdict == (WORSE if a == first else BETTER) for each in judged)
+
+    rows = [
+        {"tracker": tracker, "setting": setting, "seed": run.config.seed, "score": scores[place]}
+        for tracker, setting, place, run in placed
+        if run.config.tracker.name != COASTING_TRACKER
+    ]
+    ranked = next(quantity for quantity in compared_quantities() if quantity.key == RANKED)
+    return leading_sentence(pd.DataFrame(rows), ranked, decided) if rows else ""
 
 
 def _about(grid: GridPlan) -> str:
@@ -121,7 +146,9 @@ def _about(grid: GridPlan) -> str:
     durations = "; ".join(dict.fromkeys(f"{config.traffic.duration_s:g} s" for config in configs))
     sensors = ", ".join(dict.fromkeys(config.sensor.profile for config in configs))
     shown = f"seeds {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else f"seed {seeds[0]}"
-    return f"Trackers: {trackers}. Each runs {where}, with {shown}, for {durations}, with the sensor {sensors}."
+    told = f" {COASTING_TRACKER} is told which vehicle each detection is of: a reference, not a tracker."
+    note = told if any(config.tracker.name == COASTING_TRACKER for config in configs) else ""
+    return f"Trackers: {trackers}. Each runs {where}, with {shown}, for {durations}, with the sensor {sensors}.{note}"
 
 
 def _mean(runs: pd.DataFrame, quantity: Quantity) -> str:
@@ -138,13 +165,6 @@ def plan_of(folder: Path) -> GridPlan | None:
         return plan_grid(GridRequest(**request | lists))
     except (OSError, ValueError, TypeError, AttributeError, InputError):
         return None
-
-
-def _row(
-    folder: Path, run: PlannedRun, shown: list[Quantity], values: FloatArray, first: PlannedRun | None
-) -> list[str | Markup]:
-    numbers = [number(value, quantity.decimals) for quantity, value in zip(shown, values.tolist(), strict=True)]
-    return [str(run.config.seed), *numbers, Markup(" · ").join(_ways(folder, run, first))]
 
 
 def _ways(folder: Path, run: PlannedRun, first: PlannedRun | None) -> Iterator[Markup]:

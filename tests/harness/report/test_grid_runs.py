@@ -98,6 +98,16 @@ def test_the_page_begins_with_the_verdicts_that_compare_gives(grid, capsys):
     assert {verdict for _, verdict in found} >= {"undecided"}
 
 
+@pytest.mark.parametrize(("lead", "claim"), [(1.0, "it is undecided whether "), (9.0, "")])
+def test_the_headline_claims_a_lead_only_where_the_verdict_below_does(grid, lead, claim):
+    folder, _ = grid
+    table = pd.read_parquet(folder / "runs.parquet")
+    table["mot.hota"] -= (table["variant"] != "mmpf") * (lead + 0.01 * table["seed"])  # every interval excludes 0
+    table.to_parquet(folder / "runs.parquet")
+    said = f"In HOTA in sight, {claim}mmpf residual is ahead of stonesoup-jpda: by {lead:.1f} percentage points"
+    assert said in write_page(folder).read_text(encoding="utf-8")
+
+
 def test_kept_runs_get_their_pages_and_each_tracker_stands_beside_the_first(grid):
     folder, runs = grid
     for run in runs[:2]:
