@@ -269,9 +269,8 @@ def compare(
     table = pd.DataFrame(compared.as_table()["verdicts"])
     ends = pd.DataFrame([each or (None, None) for each in table.pop("ci95")], columns=["low", "high"], dtype="float64")
     table[["ci95_low", "ci95_high"]] = ends.to_numpy()
-    return Comparison(
-        compared.outcome, compared.regression, compared.reasons, (*compared.differing, *compared.notes), table
-    )
+    notes = (*compared.differing, compared.paired, *compared.notes)
+    return Comparison(compared.outcome, compared.regression, compared.reasons, notes, table)
 
 
 def make_run(options: Mapping[str, object], command: str, quiet: bool) -> FinishedRun:

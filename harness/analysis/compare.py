@@ -40,7 +40,7 @@ class Judgement:
         wanting: What b may not pass for beside single metrics, such as missing runs, a sentence each.
         why: What the failures of two single runs come from; None of grids.
         differing: Settings, code and models that differ, in words.
-        paired: How many runs of each side the verdicts rest on, in words.
+        paired: What is paired, or how many runs of each side the verdicts rest on, in words.
     """
 
     a: str
@@ -146,7 +146,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         singly, why = single.compare_runs(a, b, evidence, rules)
         verdicts = _with_values(judge(singly, rules))
         notes = (*told, *single.notes_of(a, b), *_guesses(verdicts))
-        return Judgement(a.name, b.name, verdicts, notes, rules, "vehicles", (), why, differs)
+        return Judgement(a.name, b.name, verdicts, notes, rules, "vehicles", (), why, differs, single.PAIRED)
     arms: list[Arms] = []
     wanting = _missing_runs(a, b)
     units, compared, other = "seeds", 0, 0

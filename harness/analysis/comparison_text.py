@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from urllib.parse import quote
 
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
 from harness.analysis.compare import Judgement, compare
-from harness.analysis.rules import name_of, quantity_of
+from harness.analysis.rules import Rules, name_of, quantity_of
 from harness.analysis.sources import open_source
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict
-from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, link_to, moment_of
+from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, moment_of
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
 from harness.common.numbers import number
@@ -38,9 +39,13 @@ def conclusion(comparison: Judgement) -> str:
         return f"Worse: b is worse in {worse}. {found}"
     if outcome == UNDECIDED:
         return f"Undecided. {found}"
-    own = any(limit.tolerance is not None for limit in comparison.rules.limits.values())
-    allowed = "the tolerance" if own else f"{100 * comparison.rules.tolerance:g} %"
-    return f"No worse: b is nowhere worse by more than {allowed}. {found}"
+    return f"No worse: b is nowhere worse by more than {_allowed(comparison.rules)}. {found}"
+
+
+def _allowed(rules: Rules) -> str:
+    own = any(limit.tolerance is not None for limit in rules.limits.values())
+    usual = f", {100 * rules.tolerance:g} % of a's value ({100 * rules.time_tolerance:g} % for time)"
+    return f"the tolerance{'' if own else usual}"
 
 
 def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
@@ -50,7 +55,7 @@ def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
     for label in dict.fromkeys(verdict.label for verdict in comparison.verdicts):
         verdicts = [verdict for verdict in comparison.verdicts if verdict.label == label]
         lines += [f"### {label}", "", *markdown_table(HEADINGS, map(_marked_cells, verdicts)), ""]
-    lines += [*comparison.notes, "", EXPLANATION, ""]
+    lines += [*comparison.notes, "", EXPLANATION.format(_allowed(comparison.rules)), ""]
     if comparison.why is not None:
         lines += _why(comparison.why, with_replay)
     return "\n".join(lines)
@@ -64,7 +69,7 @@ def verdicts_in_grid(folder: Path) -> str:
         judged = [compare(a, b) for b in sides]
     except (InputError, ValueError):
         return ""
-    rule = "A verdict allows a tolerance and corrects for the number of metrics (not of trackers)."
+    rule = f"A verdict allows for {_allowed(Rules())}, and corrects for the number of metrics (not of trackers)."
     lines = [f"a: {first}. {rule} So it may be undecided although an interval excludes 0."]
     for other, comparison in zip(others, judged, strict=True):
         lines += ["", f"b: {other}. {conclusion(comparison)} {comparison.paired}", ""]
@@ -74,8 +79,7 @@ def verdicts_in_grid(folder: Path) -> str:
 
 def _basis(comparison: Judgement) -> list[str]:
     """Return what was compared, and what differs between the experiments."""
-    differs = [f"These differ: {'; '.join(comparison.differing)}."] if comparison.differing else []
-    return [*differs, *([comparison.paired] if comparison.paired else [])]
+    return [*([f"These differ: {'; '.join(comparison.differing)}."] if comparison.differing else []), comparison.paired]
 
 
 def print_comparison(comparison: Judgement) -> None:
@@ -101,7 +105,7 @@ def _open(comparison: Judgement) -> list[str]:
 EXPLANATION = (
     "Differences are b minus a with Student's 95 % intervals over seeds, or over vehicles where there is one seed. "
     "*Worse*: the one-sided p, corrected for the number of verdicts by Holm's method, is at most 0.05, and the "
-    "difference exceeds the tolerance. The interval is two-sided, so it may still contain 0. *Better*: the same p for "
+    "difference exceeds {}. The interval is two-sided, so it may still contain 0. *Better*: the same p for "
     "an improvement is at most 0.05. *No worse*: no value in the interval is worse by more than the tolerance. "
     "*Undecided*: none of these. Metrics that were not named beforehand are described, not tested."
 )
@@ -155,7 +159,7 @@ def _why(why: Why, with_replay: bool) -> list[str]:
     """Return causes and moments as Markdown; each moment leads into the run's replay, or into that of the page."""
 
     def address(folder: str, failure: TrackFailure) -> str:
-        return moment_of(failure) if with_replay else link_to(folder, failure)
+        return f"{'' if with_replay else f'{quote(folder)}/report.html'}{moment_of(failure)}"
 
     heading, *rows = _causes(why)
     lines = ["### Why", "", CAUSES_NOTE, "", *markdown_table(heading, rows), ""]

@@ -127,19 +127,17 @@ def evidence_of(folder: Path, seen: Seen) -> Evidence:
         return gather(seen[runfolder.TRUTH], seen[runfolder.DETECTIONS], tracks, 0)
 
 
+PAIRED = (
+    "One seed: the pairs are vehicles (1 pair: a score of the whole run), so the result holds for this traffic only. "
+    "Vehicles within 100 m of each other are not independent, which widens the intervals."
+)
+
+
 def notes_of(a: Source, b: Source) -> list[str]:
-    """Return the notes that a reader of such a comparison needs."""
-    notes = [
-        "One seed: vehicles are paired, so the result holds for this traffic only. Vehicles within 100 m of each other "
-        "are not independent, which widens the intervals."
-    ]
+    """Return the notes that a reader of such a comparison needs below its table."""
     shares = [float(column_of(side.rows, FOLLOWED)[0]) for side in (a, b)]
-    if np.isfinite(shares).all():
-        notes.append(
-            "Errors of hidden vehicles are means over the vehicle-steps that both sides follow. Of all, a follows "
-            f"{shares[0]:.0f} % and b {shares[1]:.0f} %."
-        )
-    return notes
+    told = "Errors of hidden vehicles are means over the vehicle-steps that both sides follow. Of all, a follows "
+    return [f"{told}{shares[0]:.0f} % and b {shares[1]:.0f} %."] if np.isfinite(shares).all() else []
 
 
 def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: FloatArray) -> MetricDifference:

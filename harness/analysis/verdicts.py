@@ -138,7 +138,7 @@ def _unknown(measured: MetricDifference, changed: Collection[str]) -> str:
         return TOO_FEW
     fewest = FEWEST_EQUAL if measured.effect.difference == 0.0 else FEWEST_SHIFTED
     if measured.effect.se == 0.0 and measured.effect.units < fewest:
-        return f"all {measured.pairs} differences are equal, so their scatter is unknown"
+        return "all differences are equal, so their scatter is unknown"
     return ""
 
 

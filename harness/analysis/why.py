@@ -170,11 +170,6 @@ class Why:
         return {"a": counted(self.a), "b": counted(self.b)}
 
 
-def link_to(folder: str, failure: TrackFailure) -> str:
-    """Return the address of the moment in the run's replay, a second before it."""
-    return f"{quote(folder)}/report.html{moment_of(failure)}"
-
-
 def moment_of(failure: TrackFailure) -> str:
     """Return what the address of a replay ends in where it shows the failure, from a second before it."""
     vehicle = quote(failure.vehicle_id, safe="")

@@ -219,7 +219,7 @@ def test_the_level_is_shared_by_all_that_are_tested_and_by_nothing_else():
 )
 def test_equal_differences_tell_their_scatter_only_where_there_are_enough(difference, units, unknown):
     (verdict,) = judge([measured(difference, 0.0, units)], RULES)
-    assert verdict.wanting == ("all 8 differences are equal, so their scatter is unknown" if unknown else "")
+    assert verdict.wanting == ("all differences are equal, so their scatter is unknown" if unknown else "")
     assert (verdict.verdict == UNDECIDED) == unknown
     assert np.isnan(verdict.ci95).all() == unknown
     assert verdict.more_units is None

@@ -79,6 +79,7 @@ def test_a_run_is_no_worse_than_itself_though_false_tracks_scatter(sides, both):
     assert len(hota_by_vehicle(both[Path("A")], CARS).others)
     compared = compare(sides[0], sides[0], Rules())
     assert (compared.outcome, {verdict.verdict for verdict in compared.primary}) == ("no worse", {"no worse"})
+    assert "the pairs are vehicles" in compared.paired
 
 
 @pytest.mark.parametrize("more", [0.0, 0.5])
