@@ -33,7 +33,7 @@ OF_SEVERAL_RUNS = (GRID, RUNS, "results.json")
 STYLE_OF_VERDICT = {BETTER: "better", WORSE: "worse", NO_WORSE: "same", UNDECIDED: "same", UNTESTED: "same"}
 CURVES = "over_"
 """How the names of pictures begin that a grid's charts stand in place of."""
-INTERVAL = re.compile(r"([-+\d.]+(?: %)?) (\[[-+\d., ]+\])")
+INTERVAL = re.compile(r"([-+\d.]+(?: %)?) (\[[-+\d., ]+\]|\([-+\d.]+ %\))")
 MOST_ROWS, MOST_DOCUMENT_LETTERS, MOST_PICTURE_BYTES = 500, 20_000, 8_000_000
 
 
@@ -123,7 +123,7 @@ def _in_box(token: Token) -> list[Token]:
 
 
 def _style_cells(tokens: Sequence[Token]) -> None:
-    """Colour the cells of tables that hold a verdict, and put intervals below their values, so that columns fit."""
+    """Colour the cells of tables that hold a verdict, and put intervals and percentages below their values."""
     for cell, content in pairwise(tokens):
         if cell.type != "td_open":
             continue
