@@ -121,7 +121,8 @@ def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], sc
     def decided(first: str, second: str) -> bool | None:
         a, b = sorted((first, second), key=in_order.index)
         try:
-            judged = compare(*(open_source(f"{folder}@{label}", "folder") for label in (a, b))).primary
+            first_side, other_side = (open_source(f"{folder}@{label}", "folder") for label in (a, b))
+            judged = compare(first_side, other_side).primary
         except (InputError, ValueError):
             return None
         return any(each.metric == RANKED and each.verdict == (WORSE if a == first else BETTER) for each in judged)
