@@ -27,7 +27,8 @@ def least_probabilities(
     """Return the vehicle probabilities from which components are confirmed and from which they are kept, both (m,).
 
     In the ego's path they are 0. It is as wide as the ego and a margin on both sides, and as long as the ego needs to
-    stop. On a main road they are small beside it as well, where a vehicle may be hit; in the plane, lanes cross.
+    stop. On a main road they are small beside it as well, where a vehicle may be hit. In the plane they are not, since
+    lanes cross there.
 
     Args:
         components: The components, with their sizes.

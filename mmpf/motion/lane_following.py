@@ -14,7 +14,7 @@ import numpy as np
 from mmpf.map.lane_graph import NOWHERE, LaneColumns, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.protocol import AroundAnother, Surroundings, propagate_by_rewriting, step_in_place
-from mmpf.motion.standing import drawn_standing, drift_in_plane, hold_still
+from mmpf.motion.standing import drawn_standing, drift_in_place, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.motion.turning import lane_speeds, turning_driver
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray, wrapped
@@ -146,7 +146,7 @@ class LaneFollowing(AroundAnother):
         moved[LON] = np.where(free, state[LON] + along * cosine - left * sine, x)
         moved[LAT] = np.where(free, state[LAT] + along * sine + left * cosine, y)
         hold_still(moved, state, stands)
-        drift_in_plane(moved, stands, self.drift_std * np.sqrt(dt_s), rng)
+        drift_in_place(moved, stands, self.drift_std * np.sqrt(dt_s), rng)
         # Off every lane a vehicle goes where it points, as in a plane without lanes.
         steered = np.sqrt(dt_s) * TURNING_STD * rng.standard_normal(len(lane))
         turn = turn_of(moved[SPEED], moved[LAT_SPEED] + steered, dt_s)

@@ -16,7 +16,7 @@ from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.heading_measurements import drawn_directions
 from mmpf.motion.lane_following import GUIDANCE_SIZE, HEADING, TURNING_STD, LaneFollowing, turn_of
 from mmpf.motion.protocol import AroundAnother, MotionModel, Surroundings, without_limits
-from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_plane, hold_still
+from mmpf.motion.standing import DRIFT_STD, drawn_standing, drift_in_place, hold_still
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray, turned, wrapped
 from mmpf.scan import BodyHeadings
@@ -71,7 +71,7 @@ class OffMapMotion(AroundAnother):
         moved[LAT_SPEED] = 0.0
         stands = drawn_standing(state[SPEED], dt_s, rng)
         hold_still(moved, state, stands)
-        drift_in_plane(moved, stands, self.drift_std * np.sqrt(dt_s), rng)
+        drift_in_place(moved, stands, self.drift_std * np.sqrt(dt_s), rng)
         after = latents.copy()
         after[:-GUIDANCE_SIZE] = carried
         after[HEADING] = wrapped(np.where(stands, latents[HEADING], heading + turn))

@@ -142,7 +142,7 @@ class JointFalseObjects(Settings):
 class JointSpeeds(Settings):
     """What speeds say of the kind of a source."""
 
-    stopped_on_road: Probability = 0.1
+    stopped_on_road: Probability = 0.15
     """Share of standing vehicles in flowing traffic, on a single road: broken-down cars, ends of queues."""
 
 
@@ -158,7 +158,7 @@ class JointPath(Settings):
     braking_mps2: Positive = 3.0
     """Deceleration with which the ego then stops."""
     beside_m: NotNegative = 8.0
-    """What the ego passes before it can stop, nearer than this to its side, counts as ahead."""
+    """What is nearer than this to the ego's side counts as ahead if the ego reaches it before it can stop."""
     confirm_ahead_above: Probability = 0.2
     """Vehicle probability above which a component ahead is reported, in place of ``kinds.confirm_above``."""
     withdraw_ahead_below: Probability = 0.08

@@ -15,6 +15,7 @@ from mmpf.map.road import Road
 from mmpf.motion.doubting import Doubting
 from mmpf.motion.off_map import in_plane
 from mmpf.motion.protocol import MotionModel, Surroundings
+from mmpf.motion.standing import Standing
 from mmpf.numerics.arrays import BoolArray, FloatArray
 from mmpf.scan import Scan
 from mmpf.surroundings.on_corridor import surroundings_of
@@ -52,7 +53,7 @@ class _OnCorridor:
     road: CorridorRoad
 
     def motion(self, model: MotionModel) -> MotionModel:
-        return Doubting(model)
+        return Doubting(Standing(model))
 
     def traffic(self, place: FloatArray, speed_mps: FloatArray) -> Traffic:
         return Traffic(place[0], speed_mps)

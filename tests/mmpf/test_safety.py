@@ -109,6 +109,19 @@ def test_a_car_that_stands_amid_flowing_traffic_is_reported_from_eighty_metres_o
     assert np.mean(reported) >= 0.85
 
 
+@pytest.mark.slow
+def test_a_car_that_stands_is_reported_where_it_is_and_not_creeping_ahead() -> None:
+    standing, ahead_m, speed_mps = driving(150.0, 2, 0.0), [], []
+    for seed in range(3):
+        for time_s, tracks, _ in drive([standing, *traffic(10.0)], 14.5, speed_mps=10.0, seed=seed):
+            if time_s >= 10.0:
+                its = np.hypot(tracks.lon_m - 150.0, tracks.lat_m - lane_centre(2)) < NEAR_M
+                ahead_m.extend(tracks.lon_m[its] - 150.0)
+                speed_mps.extend(tracks.speed_mps[its])
+    assert abs(np.mean(ahead_m)) < 0.1
+    assert np.mean(speed_mps) < 0.15
+
+
 @EVERY_RATE
 @pytest.mark.parametrize("begins_s", [0.0, 2.0, 5.0])
 def test_what_flashes_once_is_never_reported(dt_s: float, begins_s: float) -> None:
