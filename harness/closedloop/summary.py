@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 ALL, PROVOKED_ONES, FREE_ONES = "all", "provoked", "free"
 SEEN_BEFORE, NEVER_SEEN = "cross, seen before", "cross, never seen"
 CHARTED = (COLLIDED, TTC, HARD_BRAKES)
+ALSO_TOLD = {TTC: "time to collision below 1.5 s for {:.2f} % of the time", HARD_BRAKES: "{:.1f} hard brakes a km"}
 UNPAIRED = (IMPACT,)
 """What only some episodes have, other ones with each belief, so that no pairs are left."""
 WORST_LISTED = 60
@@ -191,17 +192,18 @@ def _heading(name: str, part: Sequence[Score]) -> str:
 
 
 def _answers(found: Sequence[Score]) -> list[str]:
-    """Return a line for each belief: its number of collisions, and how often it brakes hard."""
+    """Return a line for each belief: its number of collisions, close approaches and hard brakes."""
     lines = []
     for belief in dict.fromkeys(score.belief for score in found):
         own = {score.metric: score for score in found if (score.belief, score.episodes) == (belief, ALL)}
-        collided, brakes = own.get(COLLIDED), own.get(HARD_BRAKES)
+        collided = own.get(COLLIDED)
         if collided is None or collided.mean is None:
             continue
         hit = round(0.01 * collided.mean * collided.n)
         line = f"- **{belief}**: {hit} of {collided.n} episodes end in a collision"
-        if brakes is not None and brakes.mean is not None:
-            line += f"; {brakes.mean:.1f} hard brakes a km"
+        for key, words in ALSO_TOLD.items():
+            if key in own and own[key].mean is not None:
+                line += f"; {words.format(own[key].mean)}"
         lines.append(f"{line}.")
     return lines
 

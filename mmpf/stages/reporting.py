@@ -9,6 +9,7 @@ import numpy as np
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
+from mmpf.motion.standing import STANDS_MPS
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import ReportingOptions
@@ -40,6 +41,8 @@ def reported_tracks(mixture: Mixture, moments: Moments, options: ReportingOption
     place_m2, along_m2 = ((lengthwise * each).sum(axis=0) for each in (variance[[LON, LAT]], drift_m2))
     variance[SPEED] += followed_speed_variance(place_m2, variance[SPEED], along_m2, sensor.noise_correlation_s)
     variance[[LON, LAT]] += drift_m2
+    # A vehicle that is slower counts as standing, so its speed is known no better.
+    variance[SPEED, moments.mean[SPEED] < STANDS_MPS] += STANDS_MPS**2
     probability, squares = components.elsewhere
     variance[[LON, LAT, SPEED]] += probability * np.maximum(squares - variance[[LON, LAT, SPEED]], 0.0)
     variance[:, unseen] *= options.hidden_variance_factor
