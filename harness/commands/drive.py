@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import json
-
-import typer
-
 from harness.closedloop.options import DriveOptions
-from harness.commands.from_options import typed
-from harness.common.errors import RunError
+from harness.commands.from_options import tell_end, typed
 from harness.config import options as shared
 
 
@@ -47,10 +42,4 @@ def command(options: Options) -> None:
     finished = make_drives(options, typed(), quiet)
     if not quiet:
         tell(finished)
-    if as_json:
-        typer.echo(json.dumps(finished.summary, indent=2))
-    if finished.failures:
-        raise RunError(
-            f"{len(finished.failures)} of {finished.summary['runs']} drives failed, the first: "
-            f"{finished.failures[0]}; all rows are in {finished.folder}"
-        )
+    tell_end(finished.summary, finished.failures, finished.folder, "drives", as_json)

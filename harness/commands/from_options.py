@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import inspect
+import json
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import getitem
 from pathlib import Path
 from typing import Annotated, Any, cast, get_type_hints
 
 import typer
 
-from harness.common.errors import InputError
+from harness.common.errors import InputError, RunError
 from harness.config.options import Declared, options_of
 from harness.truth.network.names import check_network
 
@@ -58,6 +59,19 @@ def typed() -> str:
     """Return the command of this process, as it is typed."""
     by_name = Path(sys.argv[0]).name == "mmpf-harness"
     return shlex.join([*(("mmpf-harness",) if by_name else ("python", "-m", "harness")), *sys.argv[1:]])
+
+
+def tell_end(summary: Mapping[str, Any], failures: Sequence[str], folder: Path, runs: str, as_json: bool) -> None:
+    """Print the summary of runs that ended as JSON, if asked to.
+
+    Raises:
+        RunError: Some failed.
+    """
+    if as_json:
+        typer.echo(json.dumps(summary, indent=2))
+    if failures:
+        told = f"{len(failures)} of {summary['runs']} {runs} failed, the first: {failures[0]}"
+        raise RunError(f"{told}; all rows are in {folder}")
 
 
 def _entries(command: Callable[..., Outcome]) -> dict[str, Declared]:

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import sys
 
-import typer
-
-from harness.commands.from_options import typed
-from harness.common.errors import RunError
+from harness.commands.from_options import tell_end, typed
 from harness.common.markdown import show_markdown
 from harness.config import options as shared
 from harness.grid.options import GridOptions
@@ -65,10 +61,4 @@ def command(options: Options) -> None:
         print_result(finished.title, finished.points, finished.breaks, finished.failures, str(finished.folder))
     if not quiet:
         sys.stderr.write(f"Open in a browser: {finished.folder / 'report.html'}\n")
-    if as_json:
-        typer.echo(json.dumps(finished.summary, indent=2))
-    if finished.failures:
-        raise RunError(
-            f"{len(finished.failures)} of {finished.summary['runs']} runs failed, the first: {finished.failures[0]}; "
-            f"all rows are in {finished.folder}"
-        )
+    tell_end(finished.summary, finished.failures, finished.folder, "runs", as_json)
