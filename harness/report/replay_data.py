@@ -108,8 +108,7 @@ def replay_data(run: RecordedRun, beside: SecondRun | None = None) -> dict[str, 
         }
         marked = names.get_indexer(pd.Index(beside.marks["vehicle_id"].astype("object")))
         shown = beside.marks.assign(vehicle=marked)[marked >= 0]
-        kinds: dict[str, Packing] = {name: (name, "u1", 1.0) for name in ("kind", "side")}
-        data["marks"] = _rows(shown, steps, vehicle=("vehicle", "u2", 1.0), **kinds)
+        data["marks"] = _rows(shown, steps, **_as_they_are(vehicle="u2", kind="u1", side="u1"))
         data["opens_at"] = beside.opens_at
     return data
 
@@ -166,22 +165,13 @@ def _truth(truth: pd.DataFrame, errors: pd.DataFrame, codes: npt.NDArray[np.intp
     columns = truth.assign(
         vehicle=codes,
         state=_codes(truth["state"], VISIBILITY_STATES),
-        error_cm=np.where(np.isfinite(error_cm), np.minimum(error_cm, NO_ERROR_CM - 1), NO_ERROR_CM),
+        ego=truth["is_ego"],
+        error=np.where(np.isfinite(error_cm), np.minimum(error_cm, NO_ERROR_CM - 1), NO_ERROR_CM),
         track=beside["track_id"].fillna(-1).to_numpy(),
         outcome=1 + _codes(beside["outcome"], OUTCOMES),
     )
-    return _rows(
-        columns,
-        steps,
-        **OF_VEHICLES,
-        vehicle=("vehicle", "u2", 1.0),
-        state=("state", "u1", 1.0),
-        ego=("is_ego", "u1", 1.0),
-        error=("error_cm", "u2", 1.0),
-        track=("track", "i4", 1.0),
-        outcome=("outcome", "u1", 1.0),
-        **_others(truth, OF_VEHICLES),
-    )
+    own = _as_they_are(vehicle="u2", state="u1", ego="u1", error="u2", track="i4", outcome="u1")
+    return _rows(columns, steps, **OF_VEHICLES, **own, **_others(truth, OF_VEHICLES))
 
 
 def _detections(detections: pd.DataFrame, steps: IntArray, road: Road) -> dict[str, Any]:
@@ -198,6 +188,11 @@ def _tracks(tracks: pd.DataFrame, steps: IntArray) -> dict[str, Any]:
     columns = tracks.assign(state=_codes(tracks["state"], TRACK_STATES))
     own: dict[str, Packing] = {"id": ("track_id", "i4", 1.0), "state": ("state", "u1", 1.0)}
     return _rows(columns, steps, **own, **OF_TRACKS, **_others(tracks, OF_TRACKS))
+
+
+def _as_they_are(**kinds: str) -> dict[str, Packing]:
+    """Return how columns are packed whose numbers keep their names and their sizes, given their types."""
+    return {name: (name, kind, 1.0) for name, kind in kinds.items()}
 
 
 def _others(table: pd.DataFrame, known: Mapping[str, Packing]) -> dict[str, Packing]:
@@ -234,15 +229,9 @@ def _unseen(run: RecordedRun, steps: IntArray) -> dict[str, Any] | None:
     step = run.unseen["step"].to_numpy(dtype=np.int64)
     shown = steps[np.minimum(np.searchsorted(steps, step), len(steps) - 1)]
     latest = pd.Series(step).groupby(shown).transform("max").to_numpy() == step
-    return _rows(
-        run.unseen.assign(step=shown)[latest],
-        steps,
-        lon=("from_lon_m", "f4", 1.0),
-        lat=("from_lat_m", "f4", 1.0),
-        to_lon=("to_lon_m", "f4", 1.0),
-        to_lat=("to_lat_m", "f4", 1.0),
-        expected=("expected", "u2", 1e3),
-    )
+    ends = {"lon": "from_lon_m", "lat": "from_lat_m", "to_lon": "to_lon_m", "to_lat": "to_lat_m"}
+    places: dict[str, Packing] = {name: (column, "f4", 1.0) for name, column in ends.items()}
+    return _rows(run.unseen.assign(step=shown)[latest], steps, **places, expected=("expected", "u2", 1e3))
 
 
 def _events(events: pd.DataFrame, steps: IntArray, names: pd.Index) -> list[list[Any]]:
