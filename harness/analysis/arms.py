@@ -147,17 +147,10 @@ def pair(a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> Pairing:
     if common and len(common) > 1 and len(np.unique(units[0])) < 2:
         every, one = np.arange(len(common)), np.zeros(len(common), dtype=np.int64)
         units, strata = (every, every), (one, one)
-    lacking = (
-        _lacking("b", "a", a, of_a, [*settings, *recorded], bool(common)),
-        _lacking("a", "b", b, of_b, [*settings, *recorded], bool(common)),
-    )
-    return Pairing(
-        of_a=of_a,
-        of_b=of_b,
-        layout=Layout(bool(common), strata, units),
-        units="recordings" if recorded else "seeds",
-        lacking=tuple(filter(None, lacking)),
-    )
+    sides = (("b", "a", a, of_a), ("a", "b", b, of_b))
+    lacking = (_lacking(*side, [*settings, *recorded], bool(common)) for side in sides)
+    layout, in_words = Layout(bool(common), strata, units), "recordings" if recorded else "seeds"
+    return Pairing(of_a, of_b, layout, in_words, tuple(filter(None, lacking)))
 
 
 def _lacking(side: str, other: str, runs: pd.DataFrame, shared: IntArray, settings: list[str], paired: bool) -> str:

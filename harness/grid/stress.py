@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -66,15 +67,8 @@ def run_stress(
     user = user or Telling()
     grid = plan_grid(request)
     check_grid(grid, user.tell)
-    return make_rows(
-        Making(grid, request.as_table(), command),
-        out,
-        execute,
-        lambda rows: _write_outcome(grid, request, out, rows),
-        resume=resume,
-        retry_failed=retry_failed,
-        user=user,
-    )
+    making, write_outcome = Making(grid, request.as_table(), command), partial(_write_outcome, grid, request, out)
+    return make_rows(making, out, execute, write_outcome, resume=resume, retry_failed=retry_failed, user=user)
 
 
 def check_grid(grid: GridPlan, tell: Callable[[str], object]) -> None:

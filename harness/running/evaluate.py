@@ -183,14 +183,9 @@ def evaluation_of(
         keepers: What is kept beside what every run keeps, by the file of its table.
     """
     told = as_believed(snapshots, config)
-    return Evaluation(
-        told,
-        tracker_builder(config),
-        config.seed,
-        DriverSetup(driver_of(config.decisions.driver), snapshots.road),
-        {**(keepers or {}), runfolder.UNSEEN: UnseenKeeper(told.road, told.sensor)},
-        writer,
-    )
+    kept: dict[str, Keeper] = {**(keepers or {}), runfolder.UNSEEN: UnseenKeeper(told.road, told.sensor)}
+    driven = DriverSetup(driver_of(config.decisions.driver), snapshots.road)
+    return Evaluation(told, tracker_builder(config), config.seed, driven, kept, writer)
 
 
 def write_run(
