@@ -10,10 +10,7 @@ from harness.config import options as shared
 from harness.config.options import Option, options_of
 
 NO_CHOICE = {
-    "ablation": (
-        ("models", "model_file", "real_data", "cases", "particles", "seed", "cache"),
-        "the ablation study",
-    ),
+    "ablation": (("models", "model_file", "real_data", "cases", "particles", "seed", "cache"), "the ablation study"),
     "recordings": (("net", "seeds", "cache"), "a study of recordings"),
     "situations": ((), "the study by situation"),
 }

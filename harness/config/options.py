@@ -68,8 +68,7 @@ Density = Annotated[
     float | None, _traffic("Vehicles per km and main lane, 5 to 65; replaces --demand.", "traffic.density")
 ]
 Demand = Annotated[
-    str | None,
-    _traffic("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand"),
+    str | None, _traffic("Named demand of the network; see 'nets'. (default: us101-0805 on us101)", "traffic.demand")
 ]
 BrokenDown = Annotated[
     int | None,
@@ -123,8 +122,7 @@ class RunOptions(TypedDict, total=False):
     demand: Demand
     broken_down: BrokenDown
     duration: Annotated[
-        float | None,
-        _traffic("Scored time in seconds, not counting the warm-up. (default: 60)", "traffic.duration_s"),
+        float | None, _traffic("Scored time in seconds, not counting the warm-up. (default: 60)", "traffic.duration_s")
     ]
     sensor: Sensor
     replay: Annotated[
@@ -202,8 +200,7 @@ class RunOptions(TypedDict, total=False):
     ]
     force: Annotated[bool, _result("Replace an earlier run in --out.", default=False)]
     resume: Annotated[
-        bool,
-        _result("Keep the finished run in --out if its settings, code and files are the same.", default=False),
+        bool, _result("Keep the finished run in --out if its settings, code and files are the same.", default=False)
     ]
     video: Annotated[Path | str | None, _result("Write a top-view video to this MP4 file. (extra: video)")]
 

@@ -78,8 +78,7 @@ class GridOptions(TypedDict, total=False):
     retry_failed: shared.RetryFailed
     workers: shared.Workers
     keep: Annotated[
-        str | None,
-        execution("runs: also keep each run's folder and page in OUT/kept. (default: no)", metavar="runs"),
+        str | None, execution("runs: also keep each run's folder and page in OUT/kept. (default: no)", metavar="runs")
     ]
     scheduler: Annotated[str | None, execution("Run on this Dask cluster: tcp://host:8786.", metavar="ADDRESS")]
     timeout_per_run: shared.TimeoutPerRun

@@ -49,11 +49,7 @@ def measure(cases: Cases, rng: np.random.Generator) -> FloatArray:
 
 
 def follow(
-    model: MotionModel,
-    cases: Cases,
-    particles: int,
-    rng: np.random.Generator,
-    measurements: FloatArray | None = None,
+    model: MotionModel, cases: Cases, particles: int, rng: np.random.Generator, measurements: FloatArray | None = None
 ) -> Iterator[Cloud]:
     """Yield the particles after every step, starting from the true initial state.
 

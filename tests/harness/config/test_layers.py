@@ -46,8 +46,7 @@ def test_a_sumo_configuration_keeps_its_own_demand():
 
 
 @pytest.mark.parametrize(
-    ("key", "meant"),
-    [("traffic.densty", "traffic.density"), ("range_m", "sensor.range_m or tracker.believes.range_m")],
+    ("key", "meant"), [("traffic.densty", "traffic.density"), ("range_m", "sensor.range_m or tracker.believes.range_m")]
 )
 def test_unknown_key_is_told_with_its_nearest(key, meant):
     with pytest.raises(InputError, match=f"{key}'; did you mean {meant}"):

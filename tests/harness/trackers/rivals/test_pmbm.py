@@ -10,15 +10,7 @@ from harness.trackers.catalogue import build_tracker
 from harness.trackers.kalman import LAT, LON, SPEED, GaussianStates
 from harness.trackers.protocol import TrackerSetting
 from harness.trackers.rivals.lives import Lives
-from harness.trackers.rivals.pmbm.clusters import (
-    NO_TRACK,
-    Cluster,
-    Pruning,
-    merged,
-    simplified,
-    together,
-    united,
-)
+from harness.trackers.rivals.pmbm.clusters import NO_TRACK, Cluster, Pruning, merged, simplified, together, united
 from harness.trackers.rivals.pmbm.mixture import HypothesisMixture, Singles
 from harness.trackers.rivals.pmbm.tracker import Pmbm, PmbmOptions
 from mmpf.map.corridor_road import highway
