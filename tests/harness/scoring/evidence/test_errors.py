@@ -13,8 +13,10 @@ def errors_of(scene: Scene, name="a"):
     return table[table["vehicle_id"] == name].set_index("step")
 
 
-def hidden_after(steps, first_hidden, seen="visible"):
-    return np.where(np.arange(steps) < first_hidden, seen, "hidden")
+def hidden_after_10(steps: int) -> Scene:
+    """Return a scene of a vehicle that is detected at its first ten steps, and hidden from then on."""
+    seen = np.arange(steps) < 10
+    return Scene(steps).vehicle("a", lon=20.0, state=np.where(seen, "visible", "hidden"), detected=seen)
 
 
 def test_a_visible_vehicle_is_scored_by_the_track_within_the_gate():
@@ -35,9 +37,7 @@ def test_a_visible_vehicle_with_a_track_beyond_the_gate_is_missed(lon, lat):
 
 
 def test_a_hidden_vehicle_is_scored_by_its_last_track_however_far_that_is():
-    steps = np.arange(30)
-    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
-    table = errors_of(scene.track(7, lon=20.0 + np.maximum(0, steps - 9)))
+    table = errors_of(hidden_after_10(30).track(7, lon=20.0 + np.maximum(0, np.arange(30) - 9)))
     assert (table["outcome"] == "tracked").all()
     assert table.loc[29, "lon_error_m"] == pytest.approx(20.0)
     assert table.loc[29, "matched_by"] == "identity"
@@ -47,9 +47,7 @@ def test_a_hidden_vehicle_is_scored_by_its_last_track_however_far_that_is():
 
 def test_a_nearer_track_that_never_held_the_hidden_vehicle_does_not_score_it():
     steps = np.arange(30)
-    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
-    scene.track(7, lon=20.5, at=steps[:15]).track(8, lon=20.0, at=steps[12:])
-    table = errors_of(scene)
+    table = errors_of(hidden_after_10(30).track(7, lon=20.5, at=steps[:15]).track(8, lon=20.0, at=steps[12:]))
     assert (table.loc[10:14, "outcome"] == "tracked").all()
     assert (table.loc[10:14, "track_id"] == 7).all()
     assert (table.loc[15:, "outcome"] == "lost").all()
@@ -57,8 +55,7 @@ def test_a_nearer_track_that_never_held_the_hidden_vehicle_does_not_score_it():
 
 
 def test_a_track_that_jumps_from_a_hidden_vehicle_to_a_visible_one_is_hijacked():
-    steps = np.arange(30)
-    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
+    steps, scene = np.arange(30), hidden_after_10(30)
     scene.vehicle("b", lon=40.0, detected=steps >= 20).track(7, lon=np.where(steps < 20, 20.0, 40.5))
     table = errors_of(scene)
     assert (table.loc[:19, "outcome"] == "tracked").all()
@@ -68,9 +65,7 @@ def test_a_track_that_jumps_from_a_hidden_vehicle_to_a_visible_one_is_hijacked()
 
 
 def test_a_track_between_its_hidden_vehicle_and_a_visible_one_but_nearer_its_own_is_not_hijacked():
-    steps = np.arange(30)
-    scene = Scene(30).vehicle("a", lon=20.0, state=hidden_after(30, 10), detected=steps < 10)
-    scene.vehicle("b", lon=25.0, detected=True).track(7, lon=22.0)
+    scene = hidden_after_10(30).vehicle("b", lon=25.0, detected=True).track(7, lon=22.0)
     assert (errors_of(scene)["outcome"] == "tracked").all()
 
 
@@ -83,20 +78,16 @@ def test_a_vehicle_that_was_never_detected_is_in_no_error_row():
 
 
 def test_a_vehicle_that_no_track_held_at_its_last_detection_is_untracked_while_hidden():
-    steps = np.arange(20)
-    scene = Scene(20).vehicle("a", lon=20.0, state=hidden_after(20, 10), detected=steps < 10)
-    table = errors_of(scene.track(7, lon=20.0, at=steps[:3]))
+    table = errors_of(hidden_after_10(20).track(7, lon=20.0, at=np.arange(3)))
     assert (table.loc[3:9, "outcome"] == "missed").all()
     assert (table.loc[10:, "outcome"] == "untracked").all()
 
 
 def test_a_track_that_held_a_vehicle_until_just_before_its_last_detection_still_stands_for_it():
     steps = np.arange(20)
-    state = hidden_after(20, 10)
     for missed_for, outcome in ((5, "tracked"), (6, "untracked")):
-        scene = Scene(20).vehicle("a", lon=20.0, state=state, detected=steps < 10)
         off = (steps >= 10 - missed_for) & (steps < 10)
-        assert errors_of(scene.track(7, lon=np.where(off, 30.0, 20.0))).loc[15, "outcome"] == outcome
+        assert errors_of(hidden_after_10(20).track(7, lon=np.where(off, 30.0, 20.0))).loc[15, "outcome"] == outcome
 
 
 def test_a_tentative_track_is_not_scored():
@@ -105,18 +96,15 @@ def test_a_tentative_track_is_not_scored():
 
 
 def test_ten_seconds_after_its_last_detection_a_hidden_vehicle_is_no_longer_scored():
-    steps = np.arange(150)
-    scene = Scene(150).vehicle("a", lon=20.0, state=hidden_after(150, 10), detected=steps < 10)
-    assert errors_of(scene.track(7, lon=20.0)).index.max() == 109
+    assert errors_of(hidden_after_10(150).track(7, lon=20.0)).index.max() == 109
 
 
 def test_the_holder_of_a_vehicle_does_not_outlive_its_episode():
     steps = np.arange(20)
     first, second = steps[:10], steps[10:]
     scene = Scene(0)
-    scene.vehicle("ego", lon=0.0, is_ego=True, at=first, episode=0).vehicle(
-        "ego", 0.0, is_ego=True, at=second, episode=1
-    )
+    scene.vehicle("ego", lon=0.0, is_ego=True, at=first, episode=0)
+    scene.vehicle("ego", lon=0.0, is_ego=True, at=second, episode=1)
     scene.vehicle("a", lon=20.0, at=first, detected=True, episode=0)
     scene.vehicle("a", lon=20.0, at=second, state="hidden", episode=1)
     table = errors_of(scene.track(7, lon=20.0, at=steps))
@@ -124,16 +112,9 @@ def test_the_holder_of_a_vehicle_does_not_outlive_its_episode():
 
 
 def test_means_by_time_hidden_use_the_time_since_the_last_detection():
-    steps = np.arange(60)
-    scene = Scene(60).vehicle("a", lon=20.0, state=hidden_after(60, 10), detected=steps < 10)
-    scene.track(7, lon=20.0 + np.maximum(0, steps - 9))
+    scene = hidden_after_10(60).track(7, lon=20.0 + np.maximum(0, np.arange(60) - 9))
     bins = score_run(*scene.tables()).metrics["mae"]["by_seconds_hidden"]
-    assert [(row["from_s"], row["to_s"], row["n"]) for row in bins] == [
-        (0, 1, 10),
-        (1, 2, 10),
-        (2, 3, 10),
-        (3, 5, 20),
-        (5, 10, 0),
-    ]
+    counts = [(row["from_s"], row["to_s"], row["n"]) for row in bins]
+    assert counts == [(0, 1, 10), (1, 2, 10), (2, 3, 10), (3, 5, 20), (5, 10, 0)]
     assert [row["lon_m"] for row in bins[:4]] == pytest.approx([5.5, 15.5, 25.5, 40.5])
     assert bins[4]["lon_m"] is None
