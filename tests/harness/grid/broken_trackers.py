@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from harness.trackers.protocol import TrackerSetting
 from mmpf.scan import Scan
@@ -13,34 +14,29 @@ from mmpf.tracks import Tracks
 from tests.harness.stand_ins import EchoTracker
 
 
-class RaisingTracker(EchoTracker):
+@dataclass
+class FailingTracker(EchoTracker):
+    """Fails in the given way after half a second."""
+
+    fail: Callable[[], object] = field(kw_only=True)
+
     def step(self, scan: Scan) -> Tracks:
         if scan.time_s > 0.5:
-            raise ArithmeticError("the weights\nall vanished")
+            self.fail()
         return super().step(scan)
 
 
-class HangingTracker(EchoTracker):
-    def step(self, scan: Scan) -> Tracks:
-        if scan.time_s > 0.5:
-            time.sleep(3600)
-        return super().step(scan)
+def lose_weights() -> None:
+    raise ArithmeticError("the weights\nall vanished")
 
 
-class DyingTracker(EchoTracker):
-    def step(self, scan: Scan) -> Tracks:
-        if scan.time_s > 0.5:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().step(scan)
+def raising(setting: TrackerSetting, options: Mapping[str, object]) -> FailingTracker:
+    return FailingTracker(setting, fail=lose_weights)
 
 
-def raising(setting: TrackerSetting, options: Mapping[str, object]) -> RaisingTracker:
-    return RaisingTracker(setting)
+def hanging(setting: TrackerSetting, options: Mapping[str, object]) -> FailingTracker:
+    return FailingTracker(setting, fail=lambda: time.sleep(3600))
 
 
-def hanging(setting: TrackerSetting, options: Mapping[str, object]) -> HangingTracker:
-    return HangingTracker(setting)
-
-
-def dying(setting: TrackerSetting, options: Mapping[str, object]) -> DyingTracker:
-    return DyingTracker(setting)
+def dying(setting: TrackerSetting, options: Mapping[str, object]) -> FailingTracker:
+    return FailingTracker(setting, fail=lambda: os.kill(os.getpid(), signal.SIGKILL))

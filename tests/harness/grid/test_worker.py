@@ -70,7 +70,7 @@ def test_the_row_of_a_run_has_its_times_and_that_of_a_broken_one_its_reason(mess
     assert 0.0 < row["timing.tracker_ms.p50"] < 1e3 * row["total_s"] < 1e5
     assert not broken["succeeded"]
     # The tracker, and the error with its file and line.
-    for words in ("RaisingTracker", "ArithmeticError: the weights all vanished", "broken_trackers.py line "):
+    for words in ("FailingTracker", "ArithmeticError: the weights all vanished", "broken_trackers.py line "):
         assert words in broken["error"]
     assert 0.0 < broken["total_s"] < 100.0
 
