@@ -7,20 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from harness.analysis import vehicles
 from harness.analysis.single import _of_sides
-from harness.analysis.vehicles import (
-    REACH_M,
-    ByVehicle,
-    _hota_influence,
-    closeness,
-    hidden_cost_by_vehicle,
-    hidden_crps_by_vehicle,
-    hota_by_vehicle,
-    plain_view_by_vehicle,
-    ratio_by_vehicle,
-    same_identity_by_vehicle,
-    worst_tenth_by_vehicle,
-)
 from harness.analysis.why import failures
 from harness.scoring.gathered import Evidence, gather
 from harness.scoring.metrics.quantity import Quantity
@@ -54,10 +42,10 @@ def six_cars(seed: int, apart_m: float = 40.0) -> Evidence:
 @pytest.mark.parametrize(
     ("of", "table", "name"),
     [
-        (hota_by_vehicle, "mot", "hota"),
-        (hidden_cost_by_vehicle, "hidden", "hidden_cost_m"),
-        (hidden_crps_by_vehicle, "hidden", "hidden_crps_m"),
-        (same_identity_by_vehicle, "occlusion", "same_id_percent"),
+        (vehicles.hota_by_vehicle, "mot", "hota"),
+        (vehicles.hidden_cost_by_vehicle, "hidden", "hidden_cost_m"),
+        (vehicles.hidden_crps_by_vehicle, "hidden", "hidden_crps_m"),
+        (vehicles.same_identity_by_vehicle, "occlusion", "same_id_percent"),
     ],
 )
 def test_the_value_is_the_metric_and_the_parts_of_all_cancel(evidence, of, table, name):
@@ -79,31 +67,33 @@ def test_the_influence_on_hota_is_its_derivative_along_a_units_weight():
 
     step = 1e-6
     numeric = [(hota(np.ones(5) + step * unit) - hota(np.ones(5) - step * unit)) / (2.0 * step) for unit in np.eye(5)]
-    np.testing.assert_allclose(_hota_influence(truths, tracks, matched, associated), numeric, rtol=1e-5)
+    np.testing.assert_allclose(vehicles._hota_influence(truths, tracks, matched, associated), numeric, rtol=1e-5)
 
 
 def test_a_mean_over_rows_is_taken_apart_by_vehicles():
-    found = ratio_by_vehicle(np.array([1.0, 3.0, 8.0]), np.array([0, 0, 2]), 4)
+    found = vehicles.ratio_by_vehicle(np.array([1.0, 3.0, 8.0]), np.array([0, 0, 2]), 4)
     assert found.value == 4.0
     np.testing.assert_allclose(found.influence, [(4.0 - 8.0) / 3.0, 0.0, (8.0 - 4.0) / 3.0, 0.0])
     np.testing.assert_allclose(found.counts, [2.0, 0.0, 1.0, 0.0])
 
 
 def test_closeness_falls_along_the_road_and_nobody_is_closer_than_to_oneself(evidence):
-    near = closeness(evidence.rows.truth, CARS)
+    near = vehicles.closeness(evidence.rows.truth, CARS)
     np.testing.assert_allclose(np.diagonal(near), 1.0)
     np.testing.assert_allclose(near, near.T)
     # Cars 0 and 1 drive side by side, 2 is 40 m ahead of them.
     assert near[0, 1] == pytest.approx(1.0)
-    assert near[0, 2] == pytest.approx(1.0 - 40.0 / REACH_M)
+    assert near[0, 2] == pytest.approx(1.0 - 40.0 / vehicles.REACH_M)
     assert np.linalg.eigvalsh(near).min() > -1e-9
 
 
 def test_what_belongs_to_no_vehicle_widens_the_deviation_of_a_difference_and_who_counts_nowhere_is_left_out():
     counts = np.append(np.ones(8), 0.0)
     away = np.append(np.tile([0.5, -0.5], 4), 0.0)
-    first, second = (ByVehicle(value, part * away, counts, np.zeros(0)) for value, part in ((10.0, 1.0), (13.0, 0.5)))
-    strays = ByVehicle(13.0, second.influence, counts, np.array([3.0, -4.0]))
+    first, second = (
+        vehicles.ByVehicle(value, part * away, counts, np.zeros(0)) for value, part in ((10.0, 1.0), (13.0, 0.5))
+    )
+    strays = vehicles.ByVehicle(13.0, second.influence, counts, np.array([3.0, -4.0]))
     quantity, near = Quantity("mot.hota", "HOTA"), np.eye(9)
     alone = _of_sides("a", quantity, [first, second], near)
     beside = [_of_sides("a", quantity, sides, near) for sides in ([first, strays], [strays, first])]
@@ -119,7 +109,7 @@ def test_vehicles_out_of_range_are_near_nobody_and_half_of_a_common_time_counts_
     truth = evidence.rows.truth
     code = {vehicle: truth.vehicle[np.flatnonzero(truth.lon_m == 40.0 * vehicle)[0]] for vehicle in (0, 1, 2)}
     gone = replace(truth, in_range=(truth.vehicle != code[0]) | (truth.step < 20))
-    near = closeness(gone, CARS + 1)
+    near = vehicles.closeness(gone, CARS + 1)
     # 20 of 80 steps beside each other: 20 / sqrt(20 * 80).
     assert near[code[0], truth.vehicle[np.flatnonzero(truth.lat_m == 4.0)[0]]] == pytest.approx(0.5)
     assert near[CARS].tolist() == [0.0] * CARS + [1.0]
@@ -132,27 +122,27 @@ def test_in_the_plane_closeness_falls_with_the_square_of_what_is_left_in_any_dir
     direction = np.zeros(len(truth))
     direction[-1] = 0.1
     away_m = np.hypot(truth.lon_m[first] - truth.lon_m[third], truth.lat_m[first] - truth.lat_m[third])
-    near = closeness(replace(truth, direction_rad=direction), CARS)
-    assert near[0, 2] == pytest.approx((1.0 - away_m / REACH_M) ** 2)
+    near = vehicles.closeness(replace(truth, direction_rad=direction), CARS)
+    assert near[0, 2] == pytest.approx((1.0 - away_m / vehicles.REACH_M) ** 2)
     across_m = np.hypot(truth.lon_m[first] - truth.lon_m[second], truth.lat_m[first] - truth.lat_m[second])
     assert across_m > 0.0
-    assert near[0, 1] == pytest.approx((1.0 - across_m / REACH_M) ** 2)
+    assert near[0, 1] == pytest.approx((1.0 - across_m / vehicles.REACH_M) ** 2)
     far = replace(truth, lon_m=truth.lon_m + 900.0 * (truth.vehicle == 0), direction_rad=direction)
-    assert closeness(far, CARS)[0, 1:].max() == 0.0
+    assert vehicles.closeness(far, CARS)[0, 1:].max() == 0.0
 
 
 def test_a_mean_over_no_rows_is_none_and_a_scale_is_of_the_mean_and_its_parts():
-    nothing = ratio_by_vehicle(np.zeros(0), np.zeros(0, dtype=np.int64), 2)
+    nothing = vehicles.ratio_by_vehicle(np.zeros(0), np.zeros(0, dtype=np.int64), 2)
     assert np.isnan(nothing.value)
     assert [part.tolist() for part in (nothing.influence, nothing.counts, nothing.others)] == [[0.0] * 2, [0.0] * 2, []]
-    percent = ratio_by_vehicle(np.array([1.0, 0.0, 1.0]), np.array([0, 0, 1]), 2, 100.0)
+    percent = vehicles.ratio_by_vehicle(np.array([1.0, 0.0, 1.0]), np.array([0, 0, 1]), 2, 100.0)
     assert percent.value == pytest.approx(200 / 3)
     np.testing.assert_allclose(percent.influence, [(100.0 - 2 * 200 / 3) / 3, (100.0 - 200 / 3) / 3])
     assert percent.others.tolist() == []
 
 
 def test_cars_whose_tracks_were_changed_or_lost_weigh_most_in_hota(evidence):
-    weights = np.abs(hota_by_vehicle(evidence, CARS).influence)
+    weights = np.abs(vehicles.hota_by_vehicle(evidence, CARS).influence)
     disturbed = sorted({int(each.vehicle_id) for each in failures(evidence)})
     others = sorted(set(range(CARS)) - set(disturbed))
     assert weights[disturbed].max() > weights[others].max()
@@ -160,9 +150,9 @@ def test_cars_whose_tracks_were_changed_or_lost_weigh_most_in_hota(evidence):
 
 def test_a_run_without_tracks_has_no_part_of_hota_and_one_without_vehicles_no_hota(evidence):
     nobody = np.zeros((3, 2))
-    assert _hota_influence(np.ones(3), np.zeros(3), nobody, nobody).tolist() == [0.0] * 3
+    assert vehicles._hota_influence(np.ones(3), np.zeros(3), nobody, nobody).tolist() == [0.0] * 3
     alone = np.array([[2.0], [2.0]])
-    assert _hota_influence(np.full(2, 1.0), np.full(2, 1.0), alone, alone).tolist() == [0.0, 0.0]
+    assert vehicles._hota_influence(np.full(2, 1.0), np.full(2, 1.0), alone, alone).tolist() == [0.0, 0.0]
 
 
 def in_plain_view(reported) -> Evidence:
@@ -180,7 +170,7 @@ REPORTED = [34, 3, 20, 30, 9, 35, 31, 29, 28, 33, 27, 32, 26, 25, 24, 23, 22, 21
 
 def test_recall_in_plain_view_is_the_metric_and_a_mean_over_vehicles_parts():
     evidence = in_plain_view(REPORTED)
-    found = plain_view_by_vehicle(evidence, 20)
+    found = vehicles.plain_view_by_vehicle(evidence, 20)
     assert found.value == pytest.approx(score_metrics(evidence)["in_plain_view"]["recall"])
     assert found.value == pytest.approx(100.0 * np.mean(REPORTED) / 35.0)
     np.testing.assert_allclose(found.influence, (100.0 * np.array(REPORTED) / 35.0 - found.value) / 20.0)
@@ -188,7 +178,7 @@ def test_recall_in_plain_view_is_the_metric_and_a_mean_over_vehicles_parts():
 
 def test_the_influence_on_the_worst_tenth_is_its_derivative_along_a_vehicles_weight():
     evidence = in_plain_view(REPORTED)
-    found = worst_tenth_by_vehicle(evidence, 20)
+    found = vehicles.worst_tenth_by_vehicle(evidence, 20)
     recall = 100.0 * np.array(REPORTED) / 35.0
     assert found.value == pytest.approx(score_metrics(evidence)["in_plain_view"]["worst_tenth"])
     assert found.value == pytest.approx(np.sort(recall)[:2].mean())
@@ -211,6 +201,6 @@ def test_the_influence_on_the_worst_tenth_is_its_derivative_along_a_vehicles_wei
 
 
 def test_without_a_vehicle_in_plain_view_there_is_no_recall(evidence):
-    for each in (plain_view_by_vehicle(evidence, CARS), worst_tenth_by_vehicle(evidence, CARS)):
+    for each in (vehicles.plain_view_by_vehicle(evidence, CARS), vehicles.worst_tenth_by_vehicle(evidence, CARS)):
         assert np.isnan(each.value)
         assert not each.influence.any()

@@ -8,17 +8,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from harness.closedloop import summary
 from harness.closedloop.plan import BRAKE, CROSS, FREE, KIND
-from harness.closedloop.summary import (
-    ALL,
-    FREE_ONES,
-    NEVER_SEEN,
-    PROVOKED_ONES,
-    SEEN_BEFORE,
-    as_markdown,
-    drive_charts,
-    scores,
-)
 from harness.common.charts import draw_charts
 from harness.scoring.metrics.closedloop import (
     COLLIDED,
@@ -50,10 +41,10 @@ def table_of(seeds=6, beliefs=("truth", "mmpf"), kinds=(FREE, BRAKE)):
 
 @cache
 def usual_scores():
-    return scores(table_of())
+    return summary.scores(table_of())
 
 
-def one(found, belief, metric, episodes=ALL):
+def one(found, belief, metric, episodes=summary.ALL):
     return next(score for score in found if (score.belief, score.metric, score.episodes) == (belief, metric, episodes))
 
 
@@ -68,7 +59,7 @@ def test_an_excess_is_the_mean_of_pairs_with_students_interval_over_seeds():
     table = table_of(kinds=(FREE,))
     by = table.pivot_table(index="seed", columns="variant", values=TTC)
     difference = (by["mmpf"] - by["truth"]).to_numpy()
-    score = one(scores(table), "mmpf", TTC)
+    score = one(summary.scores(table), "mmpf", TTC)
     assert score.excess == pytest.approx(difference.mean())
     expected = stats.t.interval(0.95, 5, difference.mean(), stats.sem(difference))
     # Nobody can be below 1.5 s for less than no time.
@@ -78,7 +69,7 @@ def test_an_excess_is_the_mean_of_pairs_with_students_interval_over_seeds():
 
 def test_six_episodes_without_a_collision_are_no_certainty():
     table = table_of(kinds=(FREE,)).assign(**{COLLIDED: 0.0})
-    score = one(scores(table), "mmpf", COLLIDED)
+    score = one(summary.scores(table), "mmpf", COLLIDED)
     assert (score.mean, score.ci95[0], score.excess, score.excess_ci95) == (0.0, 0.0, 0.0, None)
     # Six independent episodes.
     assert score.ci95[1] == pytest.approx(100.0 * (1.0 - 0.025 ** (1.0 / 6.0)))
@@ -87,7 +78,7 @@ def test_six_episodes_without_a_collision_are_no_certainty():
 @pytest.mark.slow
 def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
     found = [score for score in usual_scores() if score.metric in (TTC, HARD_BRAKES)]
-    charts = drive_charts(found)
+    charts = summary.drive_charts(found)
     assert [name for name, _ in charts.lines] == ["all episodes, 12", "free episodes, 6", "provoked episodes, 6"]
     draw_charts(charts, "drives", tmp_path / "drives.svg")
     drawn = re.findall(
@@ -100,7 +91,7 @@ def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
 
 @pytest.mark.slow
 def test_the_order_of_rows_changes_nothing():
-    mixed = scores(table_of().sample(frac=1.0, random_state=3))
+    mixed = summary.scores(table_of().sample(frac=1.0, random_state=3))
     for metric in (TTC, COLLIDED):
         whole, shuffled = (one(each, "mmpf", metric) for each in (usual_scores(), mixed))
         assert whole.excess == pytest.approx(shuffled.excess)
@@ -111,9 +102,10 @@ def test_the_order_of_rows_changes_nothing():
 def test_provoked_episodes_are_told_apart_and_those_without_a_candidate_are_left_out():
     table = table_of()
     table.loc[(table["seed"] == 0) & (table[KIND] == BRAKE), ENDED] = NO_CANDIDATE
-    found = scores(table)
-    assert [one(found, "mmpf", TTC, name).n for name in (ALL, FREE_ONES, PROVOKED_ONES)] == [11, 6, 5]
-    assert "1 more have no candidate" in as_markdown("t", found, table, [])
+    found = summary.scores(table)
+    groups = (summary.ALL, summary.FREE_ONES, summary.PROVOKED_ONES)
+    assert [one(found, "mmpf", TTC, name).n for name in groups] == [11, 6, 5]
+    assert "1 more have no candidate" in summary.as_markdown("t", found, table, [])
 
 
 @pytest.mark.slow
@@ -121,11 +113,11 @@ def test_scores_of_some_episodes_are_told_of_these_and_each_provocation_apart():
     table = table_of(kinds=(FREE, BRAKE, CROSS))
     needs = table[KIND] == CROSS
     table.loc[needs, CROSSED] = np.where(table["variant"][needs] == "truth", 100.0, 0.0)
-    found = scores(table)
+    found = summary.scores(table)
     assert (one(found, "truth", CROSSED).n, one(found, "truth", CROSSED).mean) == (6, 100.0)
     assert one(found, "mmpf", CROSSED, CROSS).excess == -100.0
-    assert not [score for score in found if score.metric == CROSSED and score.episodes in (FREE_ONES, BRAKE)]
-    assert "*Waiting* is" in as_markdown("t", found, table, [])
+    assert not [score for score in found if score.metric == CROSSED and score.episodes in (summary.FREE_ONES, BRAKE)]
+    assert "*Waiting* is" in summary.as_markdown("t", found, table, [])
     assert not [score for score in usual_scores() if score.episodes in (BRAKE, CROSS) or score.metric == CROSSED]
 
 
@@ -133,17 +125,17 @@ def test_scores_of_some_episodes_are_told_of_these_and_each_provocation_apart():
 def test_cars_that_had_been_in_sight_and_those_that_never_were_are_told_apart():
     table = table_of(kinds=(FREE, CROSS))
     table["episode.seen_before"] = np.where(table[KIND] == CROSS, (table["seed"] < 2).astype(float), np.nan)
-    found = scores(table)
-    assert [one(found, "mmpf", TTC, name).n for name in (SEEN_BEFORE, NEVER_SEEN)] == [2, 4]
-    assert "*cross*" in as_markdown("t", found, table, [])
-    only = scores(table[table["seed"] < 2])
-    assert not [score for score in only if score.episodes in (SEEN_BEFORE, NEVER_SEEN)]
+    found = summary.scores(table)
+    assert [one(found, "mmpf", TTC, name).n for name in (summary.SEEN_BEFORE, summary.NEVER_SEEN)] == [2, 4]
+    assert "*cross*" in summary.as_markdown("t", found, table, [])
+    only = summary.scores(table[table["seed"] < 2])
+    assert not [score for score in only if score.episodes in (summary.SEEN_BEFORE, summary.NEVER_SEEN)]
 
 
 def test_where_every_drive_failed_there_are_no_scores_and_the_failures_are_told():
     table = table_of()[["seed", KIND, "variant", "error"]].assign(succeeded=False)
-    assert not scores(table)
-    assert "- a: failed" in as_markdown("t", [], table, ["a: failed"])
+    assert not summary.scores(table)
+    assert "- a: failed" in summary.as_markdown("t", [], table, ["a: failed"])
 
 
 @pytest.mark.slow
@@ -154,6 +146,6 @@ def test_collisions_are_listed_the_hardest_first_with_their_replays():
         table.loc[row, "drive.collision_time_s"] = 4.0
         table.loc[row, "drive.collided_with"] = f"car{row}"
         table.loc[row, "replay"] = f"kept/{row}/report.html"
-    text = as_markdown("t", scores(table), table, ["a: failed"])
+    text = summary.as_markdown("t", summary.scores(table), table, ["a: failed"])
     assert text.index("kept/5/report.html") < text.index("kept/3/report.html")
     assert "- a: failed" in text

@@ -4,44 +4,33 @@ import pandas as pd
 import pytest
 
 from harness.grid.grid import plan_grid
-from harness.lab.ablation import (
-    ABLATIONS,
-    CHARITABLE,
-    DEFAULT,
-    IDEAL_ABLATIONS,
-    IDEAL_SENSOR,
-    PAPER,
-    ablated_quantities,
-    ablation_request,
-    ablation_rows,
-    as_markdown,
-)
+from harness.lab import ablation
 from harness.running.open import check_tracker_and_driver
 from harness.sensor.profiles import sensor_settings
 
 
 def runs_with(hota: dict[str, list[float]], failed: tuple[str, int] | None = None) -> pd.DataFrame:
     rows = []
-    for variant in ABLATIONS:
-        for seed, value in enumerate(hota.get(variant, hota[DEFAULT])):
+    for variant in ablation.ABLATIONS:
+        for seed, value in enumerate(hota.get(variant, hota[ablation.DEFAULT])):
             row = {"variant": variant, "seed": seed, "succeeded": (variant, seed) != failed}
-            rows.append(row | {measure.key: value for measure in ablated_quantities()})
+            rows.append(row | {measure.key: value for measure in ablation.ablated_quantities()})
     return pd.DataFrame(rows).sample(frac=1.0, random_state=1)
 
 
 def test_every_arm_is_a_setting_that_the_tracker_takes():
-    grid = plan_grid(ablation_request("us101", "0:2", 60.0))
-    assert [run.variant for run in grid.cells[0].runs] == list(ABLATIONS)
+    grid = plan_grid(ablation.ablation_request("us101", "0:2", 60.0))
+    assert [run.variant for run in grid.cells[0].runs] == list(ablation.ABLATIONS)
     for run in grid.cells[0].runs:
         check_tracker_and_driver(run.config)
 
 
 def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():
-    grid = plan_grid(ablation_request("us101", "0:2", 60.0, IDEAL_ABLATIONS, IDEAL_SENSOR))
+    grid = plan_grid(ablation.ablation_request("us101", "0:2", 60.0, ablation.IDEAL_ABLATIONS, ablation.IDEAL_SENSOR))
     variants = [run.variant for run in grid.cells[0].runs]
-    assert variants == list(IDEAL_ABLATIONS)
+    assert variants == list(ablation.IDEAL_ABLATIONS)
     models = ("", "+model=gmm-short", "+model=gsm")
-    assert {reading + model for reading in (PAPER, CHARITABLE) for model in models} < set(variants)
+    assert {reading + model for reading in (ablation.PAPER, ablation.CHARITABLE) for model in models} < set(variants)
     for run in grid.runs:
         sensor = sensor_settings(run.config.sensor.profile, run.config.sensor.overrides)
         assert (sensor.detection_probability, sensor.view_exponent) == (1.0, 0.0)
@@ -51,23 +40,28 @@ def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_senso
 
 def test_arms_are_compared_with_the_default_seed_by_seed():
     # Seeds differ by far more than the arms do; pairing takes that out.
-    arm = list(ABLATIONS)[1]
-    rows = {row["variant"]: row for row in ablation_rows(runs_with({DEFAULT: [90.0, 50.0, 70.0], arm: [89.0, 49, 69]}))}
+    arm = list(ablation.ABLATIONS)[1]
+    rows = {
+        row["variant"]: row
+        for row in ablation.ablation_rows(runs_with({ablation.DEFAULT: [90.0, 50.0, 70.0], arm: [89.0, 49, 69]}))
+    }
     cell = rows[arm]["mot.hota"]
     assert (cell["mean"], cell["difference"], cell["ci95"]) == (69.0, -1.0, (-1.0, -1.0))
-    assert rows[DEFAULT]["mot.hota"]["difference"] == 0.0
+    assert rows[ablation.DEFAULT]["mot.hota"]["difference"] == 0.0
 
 
 def test_a_seed_whose_run_failed_is_left_out_of_the_pairs():
-    arm = list(ABLATIONS)[2]
-    runs = runs_with({DEFAULT: [90.0, 50.0, 70.0], arm: [80.0, 0.0, 65.0]}, failed=(arm, 1))
-    row = next(row for row in ablation_rows(runs) if row["variant"] == arm)
+    arm = list(ablation.ABLATIONS)[2]
+    runs = runs_with({ablation.DEFAULT: [90.0, 50.0, 70.0], arm: [80.0, 0.0, 65.0]}, failed=(arm, 1))
+    row = next(row for row in ablation.ablation_rows(runs) if row["variant"] == arm)
     assert row["runs"] == 2
     assert row["mot.hota"]["difference"] == pytest.approx(-7.5)
 
 
 def test_the_table_names_every_arm_in_words():
-    runs = runs_with({DEFAULT: [90.0, 80.0]})
-    page = as_markdown(ablation_rows(runs), ablation_rows(runs, IDEAL_ABLATIONS), "made up")
-    for variant, what in ABLATIONS.items():
-        assert page.count(f"| {what} |") == (2 if variant in IDEAL_ABLATIONS else 1)
+    runs = runs_with({ablation.DEFAULT: [90.0, 80.0]})
+    page = ablation.as_markdown(
+        ablation.ablation_rows(runs), ablation.ablation_rows(runs, ablation.IDEAL_ABLATIONS), "made up"
+    )
+    for variant, what in ablation.ABLATIONS.items():
+        assert page.count(f"| {what} |") == (2 if variant in ablation.IDEAL_ABLATIONS else 1)

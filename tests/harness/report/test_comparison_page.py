@@ -12,21 +12,13 @@ from harness.report.comparison_page import FARTHER, SWITCHED, UNFOLLOWED, differ
 from harness.report.replay_data import SecondRun, replay_data
 from harness.running.finished import read_recorded_run
 from harness.storage import run_folder as runfolder
-from tests.harness.recorded_scene import (
-    GIVEN_UP,
-    LAST_SEEN,
-    NEW_TRACK,
-    STEPS,
-    rewrite,
-    write_lost_and_kept,
-    write_recorded_scene,
-)
+from tests.harness import recorded_scene
 from tests.harness.report.test_replay_data import unpacked
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    return tuple(map(read_recorded_run, write_lost_and_kept(tmp_path_factory.mktemp("runs"))))
+    return tuple(map(read_recorded_run, recorded_scene.write_lost_and_kept(tmp_path_factory.mktemp("runs"))))
 
 
 def steps_of(marks, kind, side):
@@ -37,16 +29,18 @@ def steps_of(marks, kind, side):
 
 def test_whom_one_alone_follows_and_who_is_farther_off_by_more_than_a_metre_is_marked_with_the_other(runs):
     marks = differences(*runs, ((), ()))
-    assert steps_of(marks, UNFOLLOWED, 0) == list(range(GIVEN_UP, NEW_TRACK))
+    assert steps_of(marks, UNFOLLOWED, 0) == list(range(recorded_scene.GIVEN_UP, recorded_scene.NEW_TRACK))
     # Unseen it is 3 m off against 1 m; in sight 0.1 m against 1 m, which is no difference.
-    assert steps_of(marks, FARTHER, 0) == list(range(LAST_SEEN + 1, GIVEN_UP))
+    assert steps_of(marks, FARTHER, 0) == list(range(recorded_scene.LAST_SEEN + 1, recorded_scene.GIVEN_UP))
     assert steps_of(marks, UNFOLLOWED, 1) == steps_of(marks, FARTHER, 1) == []
 
 
 def test_a_track_that_is_farther_off_than_the_hidden_cost_counts_follows_nobody(runs):
     lost, kept = runs
     off = replace(lost, errors=lost.errors.assign(lon_error_m=10.0 * lost.errors["lon_error_m"]))  # unseen, 30 m
-    assert steps_of(differences(off, kept, ((), ())), UNFOLLOWED, 0) == list(range(LAST_SEEN + 1, NEW_TRACK))
+    assert steps_of(differences(off, kept, ((), ())), UNFOLLOWED, 0) == list(
+        range(recorded_scene.LAST_SEEN + 1, recorded_scene.NEW_TRACK)
+    )
 
 
 def test_an_identity_switch_of_one_is_marked_for_a_second_and_one_of_both_is_not(runs):
@@ -84,12 +78,12 @@ def test_both_trackers_share_what_happened_on_the_road(runs):
     assert data["other"]["tracks"] == alone["tracks"]
     assert data["opens_at"] == [2.0, "far"]
     counts = np.diff(unpacked(data["marks"]["first"]).astype(int))
-    assert counts.tolist() == [int((marks["step"] == step).sum()) for step in range(STEPS)]
+    assert counts.tolist() == [int((marks["step"] == step).sum()) for step in range(recorded_scene.STEPS)]
     assert set(unpacked(data["marks"]["vehicle"]).tolist()) == {data["vehicles"]["names"].index("far")}
 
 
 def test_the_page_of_two_runs_on_the_same_detections_holds_both_in_one_replay(tmp_path, capsys):
-    folders = [write_recorded_scene(tmp_path / name) for name in ("a", "b")]
+    folders = [recorded_scene.write_recorded_scene(tmp_path / name) for name in ("a", "b")]
     page = tmp_path / "page.html"
     assert run_command_line(["compare", *map(str, folders), "--html", str(page), "--allow-undecided", "--quiet"]) == 0
     text = page.read_text(encoding="utf-8")
@@ -101,9 +95,9 @@ def test_the_page_of_two_runs_on_the_same_detections_holds_both_in_one_replay(tm
 
 
 def test_runs_on_different_detections_are_compared_without_a_replay(tmp_path, capsys):
-    folders = [write_recorded_scene(tmp_path / name) for name in ("a", "b")]
+    folders = [recorded_scene.write_recorded_scene(tmp_path / name) for name in ("a", "b")]
     detections = pd.read_parquet(folders[1] / runfolder.DETECTIONS)
-    rewrite(folders[1], runfolder.DETECTIONS, detections.assign(lon_m=detections["lon_m"] + 0.01))
+    recorded_scene.rewrite(folders[1], runfolder.DETECTIONS, detections.assign(lon_m=detections["lon_m"] + 0.01))
     page = tmp_path / "page.html"
     options = ["--html", str(page), "--allow-undecided", "--allow-different", "--quiet"]
     assert run_command_line(["compare", *map(str, folders), *options]) == 0

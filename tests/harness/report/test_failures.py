@@ -13,15 +13,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.common.numbers import as_json
 from harness.decisions.decide import driver_of
-from harness.report.failures import (
-    braking_sentence,
-    brakings_of,
-    failures_of,
-    occlusion_sentence,
-    ranked_events,
-    withheld_sentence,
-    withheld_vehicles,
-)
+from harness.report import failures
 from harness.report.html_tables import mot_table
 from harness.report.page import run_page, write_run_page
 from harness.report.replay_data import replay_data
@@ -94,7 +86,7 @@ def test_lost_and_stolen_tracks_come_first_then_the_largest_error_then_the_longe
          event("long", "lost", 4.0), event("longer", "lost", 9.0)]
     )  # fmt: skip
     off = errors(kept=20.0, astray=15.0, stolen=3.0, lost=5.0, long=1.0, longer=1.0)
-    order = [ranked["vehicle_id"] for ranked in ranked_events(table, off)]
+    order = [ranked["vehicle_id"] for ranked in failures.ranked_events(table, off)]
     assert order == ["lost", "stolen", "longer", "long", "astray", "kept"]
 
 
@@ -103,14 +95,14 @@ def test_only_the_error_of_the_events_own_track_between_the_two_sightings_counts
     off.loc[off["step"] == 15, ["lon_error_m", "lat_error_m"]] = [3.0, 4.0]
     off.loc[off["step"] == 16, ["track_id", "lon_error_m"]] = [2, 50.0]
     off.loc[off["step"] == 30, "lon_error_m"] = 60.0
-    (chosen,) = ranked_events(pd.DataFrame([event("car", "lost")]), off)
+    (chosen,) = failures.ranked_events(pd.DataFrame([event("car", "lost")]), off)
     assert chosen["largest_error_m"] == pytest.approx(5.0)
-    (unmeasured,) = ranked_events(pd.DataFrame([event("car", "lost")]), errors(other=1.0))
-    assert not re.search("off|nan", occlusion_sentence(unmeasured))
+    (unmeasured,) = failures.ranked_events(pd.DataFrame([event("car", "lost")]), errors(other=1.0))
+    assert not re.search("off|nan", failures.occlusion_sentence(unmeasured))
 
 
 def test_a_withheld_vehicle_comes_before_every_occlusion_and_each_is_replayed(run):
-    near, far = failures_of(run).worst
+    near, far = failures.failures_of(run).worst
     assert (near.vehicle_id, near.time_s, near.until_s) == ("near", 1.0, 5.5)
     assert (far.vehicle_id, far.time_s, far.until_s) == ("far", 2.0, 4.5)
     assert far.sentence.startswith("far, hidden for 2.0 s: its track 2 was deleted")
@@ -126,7 +118,7 @@ def test_a_withheld_vehicle_comes_before_every_occlusion_and_each_is_replayed(ru
     ],
 )
 def test_a_withheld_vehicle_is_told_in_a_plain_sentence(length_m, kind, begins, ends):
-    told = withheld_sentence(ENTRY | {"kind": kind}, length_m)
+    told = failures.withheld_sentence(ENTRY | {"kind": kind}, length_m)
     assert told.startswith(begins)
     assert told.endswith(ends)
     assert "plain view at 15 m had no track for 4.1 s; it was detected in 36 % of these scans." in told
@@ -138,14 +130,14 @@ def with_vehicles(run, *entries):
 
 def test_an_old_run_and_a_vehicle_that_is_not_shown_give_no_withheld_vehicle(run):
     old = replace(run, metrics={key: value for key, value in run.metrics.items() if key != "in_plain_view"})
-    assert list(withheld_vehicles(old)) == []
-    assert list(withheld_vehicles(with_vehicles(run, ENTRY | {"id": "gone"}, ENTRY | {"to_s": 99.0}))) == []
+    assert list(failures.withheld_vehicles(old)) == []
+    assert list(failures.withheld_vehicles(with_vehicles(run, ENTRY | {"id": "gone"}, ENTRY | {"to_s": 99.0}))) == []
 
 
 def test_four_withheld_vehicles_and_five_occlusions_are_shown_and_a_fold_has_every_other_failure(run):
     occlusion = run.events.iloc[[0] * 8].assign(outcome=[*["lost"] * 6, "survived", "same_id"])
     many = replace(with_vehicles(run, *(ENTRY | {"without_track_s": 9.0 - k} for k in range(6))), events=occlusion)
-    found = failures_of(many)
+    found = failures.failures_of(many)
     told = [[each.sentence.partition(" s")[0][-3:] for each in part] for part in (found.worst, found.others)]
     assert told == [["9.0", "8.0", "7.0", "6.0", *["2.0"] * 5], ["5.0", "4.0", "2.0", "2.0"]]
     page = run_page(many)
@@ -184,7 +176,7 @@ def test_the_worst_brakings_differ_most_for_longest(driven):
         BRAKING | {"vehicle_id": "long", "duration_s": 4.0, "truth_mps2": -3.0},
         BRAKING | {"vehicle_id": "mild", "duration_s": 0.5, "truth_mps2": -2.0},
     ])  # fmt: skip
-    found = brakings_of(replace(run, brakings=pd.concat([table, table], ignore_index=True)))
+    found = failures.brakings_of(replace(run, brakings=pd.concat([table, table], ignore_index=True)))
     names = [each.vehicle_id for each in [*found.worst, *found.others]]
     assert (names, len(found.others)) == (["long", "long", "short", "short", "mild", "mild"], 1)
 
@@ -203,7 +195,7 @@ def test_the_worst_brakings_differ_most_for_longest(driven):
     ],
 )  # fmt: skip
 def test_a_sentence_tells_who_was_to_blame_for_a_braking_and_why(change, words):
-    sentence = braking_sentence(BRAKING | change)
+    sentence = failures.braking_sentence(BRAKING | change)
     assert words in sentence
     assert not re.search(r"\{|nan|-1\b", sentence)
 
