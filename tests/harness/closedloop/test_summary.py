@@ -89,6 +89,12 @@ def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
         assert highest <= most < 1.5 * highest
 
 
+def test_the_answer_names_collisions_and_what_came_close_to_one():
+    table = table_of(kinds=(FREE,)).assign(**{TTC: 0.25})
+    text = summary.as_markdown("t", summary.scores(table), table, [])
+    assert "0 of 6 episodes end in a collision; time to collision below 1.5 s for 0.25 % of the time" in text
+
+
 @pytest.mark.slow
 def test_the_order_of_rows_changes_nothing():
     mixed = summary.scores(table_of().sample(frac=1.0, random_state=3))

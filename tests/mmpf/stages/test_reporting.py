@@ -8,6 +8,7 @@ from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
+from mmpf.motion.standing import STANDS_MPS
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import ReportingOptions
@@ -56,6 +57,14 @@ def test_the_deviations_of_one_that_may_follow_another_source_are_those_of_the_m
     belief = belief_of([pair_apart(2.0)], unseen_s=[1.0], mistaken=[0.25], away_std=[[10.0, 3.0, 0.0]])
     tracks, factor = reported(belief), OPTIONS.hidden_variance_factor
     assert np.hstack([tracks.std_lon_m, tracks.std_lat_m]) ** 2 / factor == pytest.approx([0.75 * 4 + 25, 1.5**2])
+
+
+@pytest.mark.parametrize(("speed_mps", "least_mps"), [(0.0, STANDS_MPS), (0.29, STANDS_MPS), (0.31, 0.0)])
+def test_a_vehicle_so_slow_that_it_counts_as_standing_has_no_better_known_speed(
+    speed_mps: float, least_mps: float
+) -> None:
+    tracks = reported(belief_of([spot(10.0, 5.0, speed_mps)]))
+    assert tracks.std_speed_mps == pytest.approx(least_mps, abs=1e-5)
 
 
 def test_what_is_withheld_takes_nothing_of_the_others_with_it() -> None:
