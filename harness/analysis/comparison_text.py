@@ -72,7 +72,8 @@ def verdicts_in_grid(folder: Path) -> str:
     rule = f"A verdict allows for {_allowed(Rules())}, and corrects for the number of metrics (not of trackers)."
     lines = [f"a: {first}. {rule} So it may be undecided although an interval excludes 0."]
     for other, comparison in zip(others, judged, strict=True):
-        lines += ["", f"b: {other}. {conclusion(comparison)} {comparison.paired}", ""]
+        told = [f"b: {other}. {conclusion(comparison)}", *_open(comparison)[:1], comparison.paired]
+        lines += ["", " ".join(told), ""]
         lines += markdown_table(HEADINGS, map(_marked_cells, comparison.primary))
     return "\n".join(lines) if others else ""
 
@@ -177,7 +178,8 @@ def _why(why: Why, with_replay: bool) -> list[str]:
 
 def _marked_cells(verdict: Verdict) -> list[str]:
     *others, word = cells(verdict)
-    return [*others, f"**{word}**" if verdict.verdict in COLOURS else word]
+    why = f", {verdict.wanting or 'the interval does not decide'}" if word == UNDECIDED else ""
+    return [*others, f"**{word}**{why}" if word in COLOURS else word]
 
 
 def cells(verdict: Verdict) -> list[str]:

@@ -127,7 +127,7 @@ def _style_cells(tokens: Sequence[Token]) -> None:
     for cell, content in pairwise(tokens):
         if cell.type != "td_open":
             continue
-        verdict = content.content.strip("*").partition(",")[0]
+        verdict = content.content.replace("*", "").partition(",")[0]
         if verdict in STYLE_OF_VERDICT:
             cell.attrSet("class", f"verdict {STYLE_OF_VERDICT[verdict]}")
         if found := INTERVAL.fullmatch(content.content):

@@ -34,6 +34,7 @@ def test_what_is_undecided_says_why_before_anything_else():
     (reason,) = found.reasons
     assert as_markdown(found).splitlines()[:5] == [f"## {conclusion(found)}", "", reason, "", "a: `old`, b: `new`"]
     assert "about 7 more seeds" in reason
+    assert "| **undecided**, the interval does not decide |" in as_markdown(found)
     worse = comparison(verdict(word=WORSE), verdict(IDF1, UNDECIDED, more_units=7))
     assert "7 more seeds" not in as_markdown(worse)
 

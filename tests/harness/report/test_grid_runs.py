@@ -1,3 +1,4 @@
+import html
 import json
 import re
 import shlex
@@ -89,13 +90,15 @@ def test_the_page_begins_with_the_verdicts_that_compare_gives(grid, capsys):
     folder, _ = grid
     sides = [f"{folder}@{label}" for label in ("mmpf residual", "stonesoup-jpda")]
     run_command_line(["compare", *sides, "--json", "--quiet"])
-    judged = [each for each in json.loads(capsys.readouterr().out)["verdicts"] if each["primary"] and each["pairs"]]
+    compared = json.loads(capsys.readouterr().out)
+    judged = [each for each in compared["verdicts"] if each["primary"] and each["pairs"]]
     page = write_page(folder).read_text(encoding="utf-8")
     section = page[page.index('id="verdicts-heading"') : page.index('id="charts-heading-1"')]
     assert 0 < page.index("ahead of") < page.index('id="verdicts-heading"'), "who is better comes first"
-    found = re.findall(r'<td>([^<]*)</td>\n<td class="verdict[^>]*><strong>([^<]*)</strong>', section)
-    assert found == [(str(each["pairs"]), each["verdict"]) for each in judged]
-    assert {verdict for _, verdict in found} >= {"undecided"}
+    found = re.findall(r'<td>(\d*)</td>\n<td class="verdict[^>]*><strong>([^<]*)</strong>(?:, )?([^<]*)<', section)
+    assert found == [(str(each["pairs"]), each["verdict"], each["wanting"]) for each in judged]
+    assert {verdict for _, verdict, _ in found} >= {"undecided"}
+    assert html.escape(" ".join(compared["reasons"])) in section
 
 
 @pytest.mark.parametrize(("lead", "claim"), [(1.0, "it is undecided whether "), (9.0, "")])
