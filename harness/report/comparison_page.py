@@ -247,7 +247,7 @@ def _layers(rows: Sequence[dict[str, Any]]) -> list[Spec]:
     above: Spec = {"labelAlign": "left", "labelPadding": -4, "labelOffset": -14, "labelLimit": {"expr": "width"}}
     small: Spec = {"labelFontSize": {"expr": "width < 400 ? 10.5 : 12"}}
     axis: Spec = {"title": None, "grid": False, "ticks": False, "domain": False, "zindex": 1} | above | small
-    y: Spec = {"field": "metric", "type": "nominal", "sort": None, "axis": axis}
+    y: Spec = {"field": "metric", "type": "nominal", "scale": {"domain": [row["metric"] for row in rows]}, "axis": axis}
     shade: Spec = {"color": colour_by("verdict", COLOURS), "opacity": strength("verdict")}
     change: Spec = {"y": y, "x": {**x, "field": "change"}}
     point: Spec = {"type": "point", "filled": True}

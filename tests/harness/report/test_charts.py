@@ -105,6 +105,8 @@ def test_better_is_to_the_right_whatever_a_metrics_direction():
     assert (cost["change"], cost["low"], cost["high"]) == pytest.approx((-50.0, -75.0, -25.0))
     assert (score["change"], score["low"], score["high"]) == pytest.approx((10.0, 5.0, 15.0))
     assert (cost["below"], cost["tolerance"]) == pytest.approx((-2.0, 2.0))
+    places = [layer["encoding"]["y"] for layer in chart.spec["layer"] if "y" in layer["encoding"]]
+    assert all(place["scale"]["domain"] == [cost["metric"], score["metric"]] for place in places), "as in the table"
     assert cost["difference"] == "+1.000", "a value is told in its own unit and sign"
 
 
