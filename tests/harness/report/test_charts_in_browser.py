@@ -75,10 +75,13 @@ def test_a_name_of_the_legend_shows_its_line_alone_and_once_more_all(page):
     WebDriverWait(page, 10).until(lambda _: strengths() == {"1"})
 
 
-@pytest.mark.parametrize("width", [1400, 700])
-def test_the_page_is_as_wide_as_the_window_and_tables_scroll_in_their_own_boxes(page, width):
+@pytest.mark.parametrize("width", [1400, 700, 500])
+def test_the_page_is_as_wide_as_the_window_and_tables_scroll_in_their_own_boxes_without_broken_words(page, width):
     page.set_window_size(width, 900)
     fits = "return document.documentElement.scrollWidth <= innerWidth"
     WebDriverWait(page, 10).until(lambda page: page.execute_script(fits))
     for chart in page.find_elements(By.CSS_SELECTOR, ".chart-place svg"):
         assert chart.size["width"] <= width
+    told = "const name = document.querySelector('.scroll tbody th'), words = document.createRange();"
+    told += "name.textContent = 'first_candidate_of_my_own'; words.selectNodeContents(name);"
+    assert page.execute_script(f"{told} return words.getClientRects().length") == 1
