@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import quote
 
@@ -61,21 +62,21 @@ def as_markdown(comparison: Judgement, with_replay: bool = False) -> str:
     return "\n".join(lines)
 
 
-def verdicts_in_grid(folder: Path) -> str:
-    """Return the verdicts on each tracker of a stress test against its first, as Markdown; empty for one tracker."""
+def verdicts_in_grid(folder: Path, more: Iterable[tuple[str, str]] = ()) -> str:
+    """Return the verdicts on each tracker of a stress test against its first, and on more pairs, as Markdown."""
     try:
         first, *others = open_source(str(folder), "folder").labels
-        a, *sides = (open_source(f"{folder}@{label}", "folder") for label in (first, *others))
-        judged = [compare(a, b) for b in sides]
+        pairs = dict.fromkeys([*((first, other) for other in others), *more])
+        sides = {label: open_source(f"{folder}@{label}", "folder") for pair in pairs for label in pair}
+        judged = [compare(sides[a], sides[b]) for a, b in pairs]
     except (InputError, ValueError):
         return ""
     rule = f"A verdict allows for {_allowed(Rules())}, and corrects for the number of metrics (not of trackers)."
-    lines = [f"a: {first}. {rule} So it may be undecided although an interval excludes 0."]
-    for other, comparison in zip(others, judged, strict=True):
-        told = [f"b: {other}. {conclusion(comparison)}", *_open(comparison)[:1], comparison.paired]
-        lines += ["", " ".join(told), ""]
+    lines = [f"{rule} So it may be undecided although an interval excludes 0."]
+    for (a, b), comparison in zip(pairs, judged, strict=True):
+        lines += ["", f"a: {a}, b: {b}. {conclusion(comparison)} {comparison.paired}", "", *_open(comparison)]
         lines += markdown_table(HEADINGS, map(_marked_cells, comparison.primary))
-    return "\n".join(lines) if others else ""
+    return "\n".join(lines) if pairs else ""
 
 
 def _basis(comparison: Judgement) -> list[str]:

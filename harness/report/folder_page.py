@@ -69,7 +69,7 @@ def folder_page(folder: Path) -> str:
         title=title_of(texts) or folder.resolve().name,
         text=Markup("\n").join(as_html(text) for text in texts),
         runs=runs,
-        verdicts=as_html(verdicts_in_grid(folder)) if runs is not None else "",
+        verdicts=as_html(verdicts_in_grid(folder, runs.compared)) if runs is not None else "",
         charts=charts,
         figures=_figures(folder, without=CURVES if charts else None),
         tables=_tables(folder),

@@ -45,6 +45,7 @@ class RunsOfGrid:
 
     Attributes:
         conclusion: Which tracker is ahead, and by how much; empty where there are not two.
+        compared: The trackers whose verdict it tells, as pairs in the grid's order; empty where there is none.
         about: What was run, in words.
         metric: What the overview shows, with its unit.
         overview: One row a tracker, one column a setting; each value leads to its cell, in the order of ``cells``.
@@ -55,6 +56,7 @@ class RunsOfGrid:
     """
 
     conclusion: str
+    compared: tuple[tuple[str, str], ...]
     about: str
     metric: str
     overview: Markup
@@ -104,7 +106,7 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     overview = [[tracker, *(links.get((tracker, setting), "-") for setting in settings)] for tracker in trackers]
     has_curves = not grid.is_replay and not any(run.mismatch for run in grid.runs)
     return RunsOfGrid(
-        conclusion=_conclusion(folder, placed, values[:, SHOWN.index(RANKED)]),
+        *_conclusion(folder, placed, values[:, SHOWN.index(RANKED)]),
         about=_about(grid),
         metric=shown[0].label,
         overview=html_table(["tracker", *settings], overview),
@@ -114,8 +116,11 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     )
 
 
-def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], scores: FloatArray) -> str:
-    """Return the outcome over all trackers that are not told the truth, in agreement with the page's verdicts."""
+def _conclusion(
+    folder: Path, placed: list[tuple[str, str, int, PlannedRun]], scores: FloatArray
+) -> tuple[str, tuple[tuple[str, str], ...]]:
+    """Return the outcome over all trackers that are not told the truth, and whose verdict it tells."""
+    compared: list[tuple[str, str]] = []
     in_order = [tracker for tracker, *_ in sorted(placed, key=lambda each: each[2])]
 
     def decided(first: str, second: str) -> bool | None:
@@ -125,6 +130,7 @@ def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], sc
             judged = compare(first_side, other_side).primary
         except (InputError, ValueError):
             return None
+        compared.append((a, b))
         return any(each.metric == RANKED and each.verdict == (WORSE if a == first else BETTER) for each in judged)
 
     rows = [
@@ -133,7 +139,7 @@ def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], sc
         if run.config.tracker.name != COASTING_TRACKER
     ]
     ranked = next(quantity for quantity in compared_quantities() if quantity.key == RANKED)
-    return leading_sentence(pd.DataFrame(rows), ranked, decided) if rows else ""
+    return leading_sentence(pd.DataFrame(rows), ranked, decided) if rows else "", tuple(compared)
 
 
 def _about(grid: GridPlan) -> str:

@@ -111,6 +111,18 @@ def test_the_headline_claims_a_lead_only_where_the_verdict_below_does(grid, lead
     assert said in write_page(folder).read_text(encoding="utf-8")
 
 
+def test_the_verdict_of_the_headline_has_its_table_where_the_first_tracker_is_not_among_the_two(grid):
+    folder, _ = grid
+    request = GridRequest(densities="20", trackers="pmbm,mmpf,oc-sort", seeds="2")
+    (folder / "grid.json").write_text(json.dumps(asdict(request)))
+    runs = zip(plan_grid(request).runs, 2 * [50.0, 90.0, 80.0], strict=True)
+    table = pd.DataFrame(run.identity() | {"mot.hota": score, "succeeded": True} for run, score in runs)
+    table.to_parquet(folder / "runs.parquet")
+    page = write_page(folder).read_text(encoding="utf-8")
+    assert "mmpf residual is ahead of oc-sort" in page
+    assert re.findall("<p>a: (.*?), b: (.*?)\\.", page)[-1] == ("mmpf residual", "oc-sort")
+
+
 def test_kept_runs_get_their_pages_and_each_tracker_stands_beside_the_first(grid):
     folder, runs = grid
     for run in runs[:2]:
