@@ -12,6 +12,7 @@ from harness.common.intervals import ANY, Possible, possible_ci
 from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.common.numbers import number
 from harness.config.model import TrafficConfig
+from harness.scoring.metrics.in_plain_view import STANDING_MPS, STANDING_S
 from harness.storage.schema import AS_IS, DEMAND, DENSITY, MISMATCH, NET, RECORDING, SEED
 from mmpf.options.base import fields_of
 
@@ -32,6 +33,7 @@ SCORES = {
 """Of each mean of a ``Cost`` the column of the grid."""
 STOPPED = "stopped amid traffic"
 """Column of the recall of stopped vehicles, which a table without any leaves out."""
+STOPPED_NOTE = f"Stopped amid traffic: slower than {STANDING_MPS:g} m/s for {STANDING_S:g} s while others drive."
 LEADS = {"HOTA": HOTA, "worst tenth": SCORES["worst_tenth"], STOPPED: SCORES["stopped"]}
 """The scores by which the first tracker is held against the others, all in points."""
 
@@ -177,6 +179,7 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
         "Loss is HOTA under *as is* less HOTA under the mismatch, paired run by run, with its 95 % interval.\n"
         "Missed are vehicle-steps in sight, a run.",
         markdown_table([*told], [[cell(cost) for cell in told.values()] for cost in found]),
+        *([STOPPED_NOTE] if STOPPED in told else []),
     ]
     if ahead:
         heads = ("mismatch", "score", "first", "best of the others", "ahead of it, points", "runs")

@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 
 from harness.analysis.coasting_ratio import COASTING_TRACKER
 from harness.analysis.curves import BREAK_PERCENT, FEWEST_EVENTS, Break, Point, curve_quantities, table_quantities
+from harness.analysis.mismatch_cost import STOPPED, STOPPED_NOTE
 from harness.analysis.pooled import Mean
 from harness.common.markdown import PagePart, markdown_page, markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
@@ -29,7 +30,8 @@ def as_markdown(title: str, points: Sequence[Point], broken: Sequence[Break], fa
     for axis in dict.fromkeys(point.axis for point in points):
         parts += [f"## {heading_of(axis)}"]
         for heading, columns in _themes({point.metric for point in points}):
-            parts += [heading, _table(points, axis, columns, BY_KIND.get(heading))]
+            parts += [heading, table := _table(points, axis, columns, BY_KIND.get(heading))]
+            parts += [STOPPED_NOTE] if STOPPED in table[0] else []
     if failures:
         parts += ["## Runs that failed", [f"- {failure}" for failure in failures]]
     return markdown_page(parts)

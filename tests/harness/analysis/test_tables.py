@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from harness.analysis.curves import Point, curve_quantities, table_quantities
+from harness.analysis.mismatch_cost import STOPPED_NOTE
 from harness.analysis.tables import as_markdown, print_result, value_cell
 
 # Quantities that only some roads have stand in tables with a row for each manoeuvre or cause.
@@ -63,6 +64,7 @@ def test_every_point_stands_in_the_row_of_its_tracker_and_place_below_its_quanti
                 assert cell == f"{point.mean:.{digits}f}{low_high}"
                 seen += 1
     assert seen == len(made)
+    assert [as_markdown("T", of, [], []).count(STOPPED_NOTE) for of in (points(), made)] == [1, 0]
 
 
 @pytest.mark.parametrize(
