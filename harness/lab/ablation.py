@@ -71,10 +71,8 @@ ABLATIONS = {
 
 IDEAL_ABLATIONS = {arm: what for arm, what in ABLATIONS.items() if arm == DEFAULT or arm.startswith(PAPER)}
 """The arms that are run under the paper's own sensor too: the default, and the paper's rule however it is read."""
-
 IDEAL_SENSOR = "ideal"
 """Profile of the paper's sensor: who is not hidden is detected, and nothing else."""
-
 
 COLUMNS = (
     *("hidden.hidden_cost_m", "hidden.false_hidden_tracks_per_scan", "mot.hota", "mot.idf1", "mot.id_switches"),
@@ -82,12 +80,11 @@ COLUMNS = (
     *("occlusion.short.same_id_percent", "occlusion.long.same_id_percent"),
     *("mae.hidden.lon_m", "mae.hidden.followed_percent", "in_plain_view.recall", "in_plain_view.worst_tenth"),
 )
-SWITCHES_A_RUN = {"mot.id_switches": {"label": "identity switches a run", "decimals": 1}}
 
 
 def ablated_quantities() -> list[Quantity]:
     """Return the columns of the table."""
-    return view(COLUMNS, SWITCHES_A_RUN)
+    return view(COLUMNS, {"mot.id_switches": {"label": "identity switches a run", "decimals": 1}})
 
 
 def ablation_request(

@@ -37,6 +37,7 @@ BESIDE = "side-by-side.html"
 RANKED = "mot.hota"
 SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", RANKED)
 MOST_LISTED, MOST_TOLD = 2_000, 6
+Pairs = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class RunsOfGrid:
     """
 
     conclusion: str
-    compared: tuple[tuple[str, str], ...]
+    compared: Pairs
     about: str
     metric: str
     overview: Markup
@@ -116,9 +117,7 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     )
 
 
-def _conclusion(
-    folder: Path, placed: list[tuple[str, str, int, PlannedRun]], scores: FloatArray
-) -> tuple[str, tuple[tuple[str, str], ...]]:
+def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], scores: FloatArray) -> tuple[str, Pairs]:
     """Return the outcome over all trackers that are not told the truth, and whose verdict it tells."""
     compared: list[tuple[str, str]] = []
     in_order = [tracker for tracker, *_ in sorted(placed, key=lambda each: each[2])]

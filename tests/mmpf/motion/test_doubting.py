@@ -8,21 +8,23 @@ import pytest
 from mmpf.motion.doubting import DOUBT, REDRAWN_PER_S, Doubting
 from mmpf.motion.manoeuvring import Manoeuvring
 from mmpf.motion.protocol import motion_models, spreads_speed
+from mmpf.motion.standing import Standing
 from mmpf.motion.tries import log_prior_over_tried
 from tests.mmpf.motion.surroundings import around, states
 
 DT_S = 0.1
 
 
+@pytest.mark.parametrize("outer", [Doubting, Standing])
 @pytest.mark.parametrize("inner", ["cvm", "idm", "gmm"])
-def test_doubts_change_nothing_else_and_stay_where_nobody_sees_the_vehicle(inner: str) -> None:
+def test_hidden_vehicles_that_move_do_what_the_inner_model_says_and_keep_their_doubts(inner: str, outer: type) -> None:
     state, alone = states(200), motion_models[inner]()
-    model, hidden = Doubting(alone), around(state, hidden=True)
+    model, hidden = outer(alone), around(state, hidden=True)
     latents = model.draw_latents(state, np.random.default_rng(1))
     moved, carried = model.propagate(state, latents, hidden, DT_S, np.random.default_rng(2))
-    expected, kept = alone.propagate(state, latents[:DOUBT], hidden, DT_S, np.random.default_rng(2))
+    expected, kept = alone.propagate(state, latents[: alone.latent_size], hidden, DT_S, np.random.default_rng(2))
     np.testing.assert_array_equal(moved, expected)
-    np.testing.assert_array_equal(carried, np.vstack([kept, latents[DOUBT]]))
+    np.testing.assert_array_equal(carried, np.vstack([kept, latents[alone.latent_size :]]))
     assert spreads_speed(model) == spreads_speed(alone)
 
 

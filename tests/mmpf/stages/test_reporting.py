@@ -60,9 +60,7 @@ def test_the_deviations_of_one_that_may_follow_another_source_are_those_of_the_m
 
 
 @pytest.mark.parametrize(("speed_mps", "least_mps"), [(0.0, STANDS_MPS), (0.29, STANDS_MPS), (0.31, 0.0)])
-def test_a_vehicle_so_slow_that_it_counts_as_standing_has_no_better_known_speed(
-    speed_mps: float, least_mps: float
-) -> None:
+def test_the_speed_of_one_that_counts_as_standing_is_known_no_better(speed_mps: float, least_mps: float) -> None:
     tracks = reported(belief_of([spot(10.0, 5.0, speed_mps)]))
     assert tracks.std_speed_mps == pytest.approx(least_mps, abs=1e-5)
 
