@@ -71,11 +71,11 @@ def test_what_the_page_of_results_says_of_worlds_is_what_their_runs_give():
     hota = runs.pivot_table("mot.hota", ["mismatch", "density"], "variant")
     lead = (hota["mmpf"] - hota[["pmbm", "pmbm-doubting"]].max(axis=1)).round(1)
     halved, doubled = (hota[f"mmpf-{each}"] - hota["mmpf"] for each in ("halved", "doubled"))
-    (posts, at_5_hz, fading), ahead = (-lead[each] for each in ("posts", "5-hz", "fading")), lead[lead > 0.0]
-    assert len(ahead) == len(lead) - 5
+    (at_5_hz, posts, dark), ahead = (-lead[each] for each in ("5-hz", "posts", "dark")), lead[lead > 0.0]
+    assert len(ahead) == len(lead) - 4
     text = " ".join((DOCS / "results" / "index.md").read_text(encoding="utf-8").split())
-    assert f"with posts (by {posts[20.0]} at density 20 and {posts[45.0]} at 45), at 5 Hz" in text
-    assert f"at 5 Hz (by {at_5_hz[20.0]} and {at_5_hz[45.0]}) and with fading (by {fading[20.0]} at 20). Else" in text
+    assert f"at 5 Hz (by {at_5_hz[20.0]} at density 20 and {at_5_hz[45.0]} at 45), and at 20 with posts" in text
+    assert f"with posts (by {posts[20.0]}) and with dark vehicles (by {dark[20.0]}). Elsewhere" in text
     assert f"by {ahead.min()} to {ahead.max()} points. Halving" in text
     assert f"up to {-halved.min():.1f} points. Doubling them gains up to {doubled.max():.1f} and costs up to" in text
 
