@@ -36,7 +36,7 @@ def mistaken_after(
     """Return the components with the probability of a mistake after a scan, by Bayes' rule on its odds.
 
     A detection multiplies the odds by the probability that a false object still exists and is detected, over that of a
-    vehicle's detection. A miss divides them by a vehicle's probability of a miss: the false object counts as ended.
+    vehicle's detection. A miss multiplies them by the ratio of the opposite probabilities.
 
     Args:
         sources: The components after the scan.
@@ -52,8 +52,8 @@ def mistaken_after(
     false = shares_of(prior.shading)[:, None] * (kinds @ learned.profiles(prior)) * seen
     vehicle = before.kinds[:, VEHICLE] * seen / np.maximum(before.vehicle_share, 1e-300)[:, None, None]
     by_false, by_vehicle = (np.maximum(each.sum(axis=(1, 2)), 1e-6) for each in (false, vehicle))
-    detected = np.exp(-dt_s / (kinds @ learned.mean_life_s(prior))) * by_false / by_vehicle
-    ratio = np.where(sources.unseen_s == 0.0, detected, 1.0 / (1.0 - by_vehicle))
+    by_false *= np.exp(-dt_s / (kinds @ learned.mean_life_s(prior)))
+    ratio = np.where(sources.unseen_s == 0.0, by_false / by_vehicle, (1.0 - by_false) / (1.0 - by_vehicle))
     mistaken = sources.mistaken * ratio / (1.0 - sources.mistaken + sources.mistaken * ratio)
     away = sources.away_std.copy()
     grown_m = dt_s * away[:, 2]
