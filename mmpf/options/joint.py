@@ -90,7 +90,7 @@ class JointKinds(Settings):
     """Vehicle probability above which a component is reported."""
     withdraw_below: Probability = 0.2
     """Vehicle probability, given existence, below which a component outside the ego's path is not reported."""
-    withdraw_moved_below: Probability = 0.05
+    withdraw_moved_below: Probability = 0.15
     """The same for an object that has moved: it may be a vehicle that took over the track of a false object."""
 
 
@@ -120,8 +120,8 @@ class JointFalseObjects(Settings):
     """What false objects are like before any was found, and how fast that is learned."""
 
     birth_share: Annotated[Positive, in_unit("1/s for each false detection in a scan")] = 0.3
-    """Rate at which false objects appear, per false detection in a scan of the data sheet. The default assumes that
-    half of these come from objects with lifetime ``life_s``.
+    """Rate at which false objects appear before any was counted, per false detection in a scan, as learned so far. The
+    default assumes that half of these come from objects with lifetime ``life_s``.
     """
     standing_share: Probability = 0.75
     """Share of false objects that do not move; the others move with the traffic."""
