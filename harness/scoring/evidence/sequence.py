@@ -53,8 +53,8 @@ def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: TrackPairs)
     """Select the vehicles in sight; tracks that are out of sight and match none of them are left out.
 
     One rule decides for the tracks of every tracker, and from the detections alone: see ``tracks_in_sight``. A track
-    on a vehicle that is itself out of sight but remembered is left out too, however near the detections of others lie:
-    it is right, of a vehicle that does not count here.
+    on a vehicle that is out of sight but remembered, or detected too few times yet, is left out too, however near the
+    detections of others lie: it is right, of a vehicle that does not count here.
     A vehicle beyond the sensor's range is ignored: neither it nor the track on it counts. Nor does a track beyond what
     the source knows of the road, unless it is on a vehicle that counts.
     """
@@ -63,8 +63,8 @@ def select_in_sight(rows: RunRows, history: DetectionHistory, pairs: TrackPairs)
     tracks = tracks_in_sight(rows) & ~rows.tracks.unknowable
     free = np.ones(len(tracks), dtype=bool)
     free[chosen.track] = False
-    unseen = history.remembered() & (history.since_s > IN_SIGHT_S + TIME_TOLERANCE_S)
-    tracks[gate_match(pairs.where(free[pairs.track]), unseen).track] = False
+    others = history.remembered() & ~in_sight
+    tracks[gate_match(pairs.where(free[pairs.track]), others).track] = False
     tracks[chosen.track] = rows.truth.in_range[chosen.truth]
     return Selection(in_sight & rows.truth.in_range, tracks)
 
