@@ -12,7 +12,7 @@ THRESHOLD_MPS2 = 0.1
 
 
 class MobilDriver:
-    """Follows as the intelligent driver model does, and takes a safe gap only if it gains more than others lose."""
+    """Follows as the intelligent driver model does; takes a safe gap that gains more than a share of others' losses."""
 
     def command(self, belief: Belief) -> Command:
         """Return what it would do; see ``Driver``."""
@@ -23,17 +23,18 @@ class MobilDriver:
 def _takes(belief: Belief, side: Beside, accel_mps2: FloatArray) -> BoolArray:
     """Return whether it would change to that lane, by the symmetric criterion, shape (n,)."""
     gain = following(belief, side.leader) - accel_mps2
-    new = _loss(belief, side.follower, _between(belief, side))
-    gain = gain - POLITENESS * new
+    new = _loss(belief, side.follower, _between(belief, side.leader, side.follower))
+    old = _loss(belief, belief.follower, _between(belief, belief.leader, belief.follower))
+    gain = gain - POLITENESS * (new - old)
     return safe_gap(belief, side) & (gain > THRESHOLD_MPS2)
 
 
 def _loss(belief: Belief, follower: Others, ahead: Others) -> FloatArray:
-    """Return what the new follower loses in acceleration, 0 where there is none, shape (n,)."""
+    """Return how far a follower's acceleration is from that behind ``ahead``, 0 where there is none, shape (n,)."""
     loss = follower_acceleration(belief, follower, ahead) - follower_acceleration(belief, follower, None)
     return loss * follower.exists
 
 
-def _between(belief: Belief, side: Beside) -> Others:
-    """Return the side's leader as its follower sees it while the ego is not between them."""
-    return Others(side.leader.gap_m + belief.length_m + side.follower.gap_m, side.leader.speed_mps, side.leader.body)
+def _between(belief: Belief, leader: Others, follower: Others) -> Others:
+    """Return a leader as its follower sees it while the ego is not between them."""
+    return Others(leader.gap_m + belief.length_m + follower.gap_m, leader.speed_mps, leader.body)

@@ -80,6 +80,9 @@ def test_mobil_gives_way_to_who_would_lose_more_than_it_gains():
     assert asked("mobil", slightly_slower).accepts_left[0]
     assert asked("idm", slightly_slower, close_behind).accepts_left[0]
     assert not asked("mobil", slightly_slower, close_behind).accepts_left[0]
+    hardly_slower, held_up = (0, 100.0, MIDDLE, 20.0), (0, -12.0, MIDDLE, 21.0)
+    assert not asked("mobil", hardly_slower).accepts_left[0]
+    assert asked("mobil", hardly_slower, held_up).accepts_left[0], "who is behind gains enough"
 
 
 def test_the_most_decisive_vehicle_is_the_one_that_slows_the_driver_most():
