@@ -303,7 +303,7 @@ def check_scan(scan: Scan, previous_time_s: float | None, signals: int | None = 
     """
     if not np.isfinite(scan.time_s):
         raise InvalidScanError(f"scan.time_s is {scan.time_s}, not a finite time")
-    if previous_time_s is not None and scan.time_s - previous_time_s < SHORTEST_STEP_S:
+    if previous_time_s is not None and round(scan.time_s - previous_time_s, 6) < SHORTEST_STEP_S:
         least = f"less than {SHORTEST_STEP_S:g} s after the last scan's {previous_time_s}"
         raise InvalidScanError(f"scan.time_s is {scan.time_s}, {least}")
     for column in fields(scan.ego):

@@ -77,7 +77,7 @@ class SignalEstimator:
         if control.signal_name:
             self._watch(vehicles, control, dt_s)
         chance = 1.0 / (1.0 + np.exp(-self.log_odds))
-        if open_signals is not None:
+        if open_signals is not None and len(open_signals):
             chance = np.where(open_signals[control.signal], GOES_AT_OPEN, GOES_AT_CLOSED)
         chance = np.where(control.kind == SIGNAL, chance, 1.0)
         _give_way(chance, vehicles, control.kind, control.foe, control.first_foe, self._graph.columns)
