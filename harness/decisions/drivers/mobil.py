@@ -25,8 +25,7 @@ def _takes(belief: Belief, side: Beside, accel_mps2: FloatArray) -> BoolArray:
     gain = following(belief, side.leader) - accel_mps2
     new = _loss(belief, side.follower, _between(belief, side.leader, side.follower))
     old = _loss(belief, belief.follower, _between(belief, belief.leader, belief.follower))
-    gain = gain - POLITENESS * (new - old)
-    return safe_gap(belief, side) & (gain > THRESHOLD_MPS2)
+    return safe_gap(belief, side) & (gain - POLITENESS * (new - old) > THRESHOLD_MPS2)
 
 
 def _loss(belief: Belief, follower: Others, ahead: Others) -> FloatArray:
