@@ -130,7 +130,7 @@ class Pairing:
 def pair(a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> Pairing:
     """Pair runs of one tracker by setting and seed; without common ones, take all runs of common settings.
 
-    Independent are recordings, else seeds; of a single seed at several densities, its runs.
+    Independent are recordings, else seeds, of which a single one decides nothing, even at several densities.
     """
     recorded = [RECORDING] if RECORDING in a and RECORDING in b else []
     world_a, world_b = _numbered(a, b, [*settings, *recorded])
@@ -144,9 +144,6 @@ def pair(a: pd.DataFrame, b: pd.DataFrame, settings: list[str]) -> Pairing:
     first, second = a.iloc[of_a], b.iloc[of_b]
     units = _numbered(first, second, recorded or ["seed"])
     strata = _numbered(first, second, settings)
-    if common and len(common) > 1 and len(np.unique(units[0])) < 2:
-        every, one = np.arange(len(common)), np.zeros(len(common), dtype=np.int64)
-        units, strata = (every, every), (one, one)
     sides = (("b", "a", a, of_a), ("a", "b", b, of_b))
     lacking = (_lacking(*side, [*settings, *recorded], bool(common)) for side in sides)
     layout, in_words = Layout(bool(common), strata, units), "recordings" if recorded else "seeds"

@@ -71,8 +71,9 @@ NOTHING = Effect(np.nan, np.nan, 0.0)
 def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArray) -> Effect:
     """Return the mean of b - a over pairs, whose errors are shared within a unit (a seed) and none between units.
 
-    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval. Both arms'
-    values on the same traffic, each pair's stratum (a setting, such as its density) and its unit are of shape (n,).
+    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval; around
+    the common one where a stratum has a single unit. Both arms' values on the same traffic, each pair's stratum (a
+    setting, such as its density) and its unit are of shape (n,).
     """
     if not len(a):
         return NOTHING
@@ -125,15 +126,18 @@ def neighbours_effect(difference: float, influence: FloatArray, closeness: Float
 
 
 def _scatter(values: FloatArray, weight: FloatArray, stratum: IntArray, unit: IntArray) -> tuple[float, float]:
-    """Return the standard error of a weighted sum of values and the number of units that it rests on."""
+    """Return the jackknife standard error over units of a weighted sum of values (Miller 1974), and their number."""
     names, unit = np.unique(unit, return_inverse=True)
     units = len(names)
     if units < 2:
         return np.nan, float(units)
     place = np.unique(stratum, return_inverse=True)[1]
-    number = np.bincount(place)
-    mean = np.bincount(place, weights=values) / number
-    # A setting with a single run has no scatter of its own; its runs are held against all.
-    centre = np.where(number.min() > 1, mean[place], values @ weight / weight.sum())
-    by_unit = np.bincount(unit, weights=weight * (values - centre))
-    return float(np.sqrt(units / (units - 1.0) * (by_unit**2).sum())), float(units)
+    share = np.zeros((place.max() + 1, units))
+    np.add.at(share, (place, unit), weight)
+    if (np.count_nonzero(share, axis=1) < 2).any():  # nothing is known of the scatter within a setting of one unit
+        place, share = np.zeros_like(place), share.sum(axis=0, keepdims=True)
+    total = share.sum(axis=1)
+    centre = np.bincount(place, weights=weight * values) / total
+    # How far the sum moves if a unit is left out, with its weight shared among the others of its settings.
+    away = weight * (values - centre[place]) / (1.0 - share / total[:, None])[place, unit]
+    return float(np.sqrt((units - 1.0) / units * (np.bincount(unit, weights=away) ** 2).sum())), float(units)

@@ -76,7 +76,8 @@ def test_pairs_of_seeds_at_several_densities_have_the_scatter_of_their_seeds():
 def test_where_a_density_has_a_single_run_all_are_held_against_their_common_mean():
     shift, density, seed = np.array([1.0, 2.0, 6.0]), np.array([0, 0, 1]), np.array([0, 1, 1])
     effect = paired_effect(np.zeros(3), shift, density, seed)
-    assert effect.se == pytest.approx(np.sqrt(2 * (((1 - 3) / 3) ** 2 + ((2 - 3 + 6 - 3) / 3) ** 2)))
+    # Without either seed the mean of 3 is that of the other's runs, 4 or 1.
+    assert effect.se == pytest.approx(np.sqrt(1 / 2 * ((4 - 3) ** 2 + (1 - 3) ** 2)))
 
 
 def test_unpaired_arms_have_the_difference_of_their_settings_means_and_welchs_freedom():
@@ -84,10 +85,10 @@ def test_unpaired_arms_have_the_difference_of_their_settings_means_and_welchs_fr
     b, of_b = np.array([2.0, 3.0, 7.0, 12.0]), (np.array([0, 0, 0, 1]), np.array([0, 1, 2, 3]))
     effect = unpaired_effect(a, b, (of_a[0], of_b[0]), (of_a[1], of_b[1]))
     assert effect.difference == pytest.approx((4.0 + 12.0) / 2 - (2.0 + 12.0) / 2)
-    se_a = np.sqrt(4 / 3 * 2 * ((1 / 4) ** 2 + (2 / 4) ** 2))
-    mean_b = 8.0
+    # Without a seed of a, the mean of 8 and 12, half of each, is that with the other's value at its setting.
+    se_a = np.sqrt(3 / 4 * 2 * ((1 / 2) ** 2 + (2 / 2) ** 2))
     weights = np.array([1 / 6, 1 / 6, 1 / 6, 1 / 2])
-    se_b = np.sqrt(4 / 3 * ((weights * (b - mean_b)) ** 2).sum())
+    se_b = np.sqrt(3 / 4 * ((weights / (1 - weights) * (b - 8.0)) ** 2).sum())
     assert effect.se == pytest.approx(np.hypot(se_a, se_b))
     assert effect.units - 1.0 == pytest.approx((se_a**2 + se_b**2) ** 2 / (se_a**4 / 3 + se_b**4 / 3))
     alone = unpaired_effect(a, b, (of_a[0], of_b[0] + 20), (of_a[1], of_b[1]))
@@ -279,10 +280,10 @@ def test_without_common_seeds_all_runs_of_common_settings_are_taken():
     assert paired(runs((20.0, 1)), runs((40.0, 1)))[:3] == ([], [], False)
 
 
-def test_of_a_single_seed_its_runs_are_the_units_and_one_setting():
+def test_a_single_seed_at_several_densities_decides_nothing():
     a = runs((20.0, 1), (40.0, 1), (60.0, 1))
-    assert paired(a, a)[3] == [[0, 0, 0], [0, 0, 0], [0, 1, 2], [0, 1, 2]]
-    assert paired(a.iloc[:1], a)[3] == [[0], [0], [0], [0]]
+    effect = measure(Arms("x", ERROR, np.zeros(3), np.array([5.0, 5.1, 5.2]), pair(a, a, ["density"]).layout)).effect
+    assert (effect.units, np.isnan(effect.se)) == (1.0, True)
 
 
 def test_recordings_are_the_units_where_both_have_them_and_settings_without_a_value_are_one():

@@ -81,6 +81,15 @@ def test_intervals_over_seeds_cover_what_they_say(seeds):
     assert 0.93 <= covered <= 0.97
 
 
+@pytest.mark.parametrize("seeds_of", [((0,) * 3, (1,) * 3), ((0, 1), (2, 3), (4, 5)), ((0, 1, 2, 3, 4), (0, 1))])
+def test_intervals_cover_though_not_every_seed_is_at_every_density(seeds_of):
+    rng, seed = np.random.default_rng(6), np.concatenate(seeds_of)
+    density = np.repeat(np.arange(len(seeds_of)), [len(some) for some in seeds_of])
+    shifts = rng.standard_normal((1500, seed.max() + 1))[:, seed] + rng.standard_normal((1500, len(seed)))
+    intervals = [paired_effect(0.0 * shift, shift, density, seed).ci95 for shift in shifts]
+    assert 0.93 <= np.mean([low <= 0.0 <= high for low, high in intervals]) <= 0.97
+
+
 @pytest.mark.parametrize(
     ("share_of_neighbours", "length_m", "road_m", "least"),
     [(0.0, 20.0, 1500.0, 0.93), (0.9, 20.0, 1500.0, 0.92), (0.7, 10.0, 800.0, 0.93)],
