@@ -11,7 +11,7 @@ from harness.common.effects import Effect, paired_effect
 from harness.scoring.metrics.quantity import Quantity
 
 MOST_SETTINGS, FEWEST = 2, 3
-"""Of more settings the least and the largest lead are told; nobody is ahead in fewer seeds, or settings of one."""
+"""Of more settings the least and the largest lead are told; nobody is ahead in fewer seeds."""
 
 
 def leading_sentence(
@@ -19,7 +19,7 @@ def leading_sentence(
 ) -> str:
     """Return which tracker is ahead of the next one, with Student's 95 % interval over seeds, and how much by setting.
 
-    Trackers are ranked by the mean of their settings' means.
+    Trackers with a score at every setting are ranked by the mean of their settings' means over the runs that all have.
 
     Args:
         runs: A row for each run: ``tracker``, ``setting`` in words, ``seed`` and ``score``.
@@ -32,30 +32,37 @@ def leading_sentence(
     sign = 1.0 if quantity.higher_is_better else -1.0
     signed = runs.assign(score=sign * runs["score"])
     wide = signed.pivot_table(index=["setting", "seed"], columns="tracker", values="score", sort=False)
-    ranked = wide.groupby("setting").mean().mean().sort_values(ascending=False, kind="stable").index
-    pairs = wide[list(ranked[:2])].dropna()
-    if len(ranked) < 2 or not len(pairs):
+    common = common_runs(wide)
+    ranked = common.groupby("setting").mean().mean().sort_values(ascending=False, kind="stable").index
+    if len(ranked) < 2 or not len(common):
         return ""
+    pairs = wide[list(ranked[:2])].dropna()
     settings = pairs.groupby("setting", sort=False)
-    by_setting = {str(name): _lead(of_setting).difference for name, of_setting in settings}
-    overall = _lead(pairs)
+    by_setting = {str(name): lead(of_setting).difference for name, of_setting in settings}
+    overall = lead(pairs)
     shown = sorted(by_setting, key=by_setting.__getitem__) if len(by_setting) > MOST_SETTINGS else list(by_setting)
     parts = [f"{by_setting[name]:.{quantity.decimals}f} at {name}" for name in (shown[0], shown[-1])]
     between = "from {} to {}" if len(by_setting) > MOST_SETTINGS else "{}, {}"
     told = f" ({between.format(*parts)})" if len(by_setting) > 1 else f" at {shown[0]}"
     seeds = pairs.index.get_level_values("seed").nunique()
-    enough = (seeds if seeds > 1 else len(by_setting)) >= FEWEST
     verdict = decided(*ranked[:2])
-    clear = overall.ci95[0] > 0.0 and enough if verdict is None else verdict
+    clear = overall.ci95[0] > 0.0 and seeds >= FEWEST if verdict is None else verdict
+    lacking = ", ".join(wide.columns.difference(common.columns, sort=False))
+    unranked = f" Not ranked, since a setting lacks its score: {lacking}." if lacking else ""
     claim = f"{'' if clear else 'it is undecided whether '}{ranked[0]} is ahead of {ranked[1]}"
-    return f"In {quantity.label.rpartition(', ')[0]}, {claim}: {_in_words(overall, quantity, seeds)}{told}."
+    return f"In {quantity.label.rpartition(', ')[0]}, {claim}: {_in_words(overall, quantity, seeds)}{told}.{unranked}"
 
 
-def _lead(pairs: pd.DataFrame) -> Effect:
-    """Return by how much the first column exceeds the second, as ``compare`` does; of a single seed over settings."""
+def common_runs(wide: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs that all trackers have, of trackers with a score at every setting, a column each."""
+    return wide.loc[:, wide.notna().groupby("setting").any().all()].dropna()
+
+
+def lead(pairs: pd.DataFrame) -> Effect:
+    """Return by how much the first column exceeds the second, as ``compare`` does; rows are by setting and seed."""
     first, second = pairs.to_numpy(dtype=np.float64).T
     setting, seed = (pairs.index.get_level_values(name).factorize()[0] for name in ("setting", "seed"))
-    return paired_effect(second, first, setting, seed if seed.any() else np.arange(len(pairs)))
+    return paired_effect(second, first, setting, seed)
 
 
 def _in_words(lead: Effect, quantity: Quantity, seeds: int) -> str:
