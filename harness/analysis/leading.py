@@ -30,8 +30,8 @@ def leading_sentence(
         The sentence; empty with fewer than two trackers that have a score on the same traffic.
     """
     sign = 1.0 if quantity.higher_is_better else -1.0
-    signed = runs.assign(score=sign * runs["score"])
-    wide = signed.pivot_table(index=["setting", "seed"], columns="tracker", values="score", sort=False)
+    signed = runs.assign(score=sign * runs["score"], unit=runs["seed"])
+    wide = signed.pivot_table(index=["setting", "unit"], columns="tracker", values="score", sort=False)
     common = common_runs(wide)
     ranked = common.groupby("setting").mean().mean().sort_values(ascending=False, kind="stable").index
     if len(ranked) < 2 or not len(common):
@@ -44,7 +44,7 @@ def leading_sentence(
     parts = [f"{by_setting[name]:.{quantity.decimals}f} at {name}" for name in (shown[0], shown[-1])]
     between = "from {} to {}" if len(by_setting) > MOST_SETTINGS else "{}, {}"
     told = f" ({between.format(*parts)})" if len(by_setting) > 1 else f" at {shown[0]}"
-    seeds = pairs.index.get_level_values("seed").nunique()
+    seeds = pairs.index.get_level_values("unit").nunique()
     verdict = decided(*ranked[:2])
     clear = overall.ci95[0] > 0.0 and seeds >= FEWEST if verdict is None else verdict
     lacking = ", ".join(wide.columns.difference(common.columns, sort=False))
@@ -59,9 +59,9 @@ def common_runs(wide: pd.DataFrame) -> pd.DataFrame:
 
 
 def lead(pairs: pd.DataFrame) -> Effect:
-    """Return by how much the first column exceeds the second, as ``compare`` does; rows are by setting and seed."""
+    """Return by how much the first column exceeds the second, as ``compare`` does; rows are by setting and unit."""
     first, second = pairs.to_numpy(dtype=np.float64).T
-    setting, seed = (pairs.index.get_level_values(name).factorize()[0] for name in ("setting", "seed"))
+    setting, seed = (pairs.index.get_level_values(name).factorize()[0] for name in ("setting", "unit"))
     return paired_effect(second, first, setting, seed)
 
 

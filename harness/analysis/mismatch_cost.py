@@ -8,7 +8,8 @@ from dataclasses import astuple, dataclass, field
 import numpy as np
 import pandas as pd
 
-from harness.common.intervals import ANY, Possible, possible_ci
+from harness.analysis.leading import common_runs, lead
+from harness.common.intervals import Possible, possible_ci
 from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.common.numbers import number
 from harness.config.model import TrafficConfig
@@ -31,6 +32,8 @@ SCORES = {
     "false_tracks_per_scan": "mot.false_tracks_per_scan",
 }
 """Of each mean of a ``Cost`` the column of the grid."""
+RUN = ["setting", "unit", SEED]
+"""What a run shares with others: its setting and its independent unit, which is its recording or else its seed."""
 STOPPED = "stopped amid traffic"
 """Column of the recall of stopped vehicles, which a table without any leaves out."""
 STOPPED_NOTE = f"Stopped amid traffic: slower than {STANDING_MPS:g} m/s for {STANDING_S:g} s while others drive."
@@ -45,7 +48,7 @@ class Cost:
     Attributes:
         variant: The tracker as the user wrote it.
         hota_loss: HOTA without the mismatch less that, run by run, points; nan without such runs. Intervals are
-            Student's.
+            over seeds.
         coverage95_lon: Percent of true longitudinal positions in the 95 % intervals.
         runs: Number of runs that ended well.
         recall: Percent of vehicle-steps in plain view that have a reported track; nan of runs without that score.
@@ -81,7 +84,7 @@ class Cost:
 class Lead:
     """How far the first tracker is ahead of the best of the others by a score's mean, in a world.
 
-    Paired run by run, with Student's 95 % interval; runs are those that both ended well.
+    Paired run by run, with the 95 % interval over seeds; runs are those that both ended well.
     """
 
     mismatch: str
@@ -97,19 +100,21 @@ def costs(table: pd.DataFrame) -> list[Cost]:
     """Return what each mismatch costs each tracker, from the rows of the grid."""
     found = []
     for (variant, model), rows in _by_world(table).groupby(["variant", "model"], sort=False):
-        usual = rows[rows[MISMATCH] == AS_IS].set_index("world")[HOTA]
+        usual = rows[rows[MISMATCH] == AS_IS].set_index(RUN)[HOTA]
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
-            here = some.set_index("world").reindex(columns=[*SCORES.values()]).astype(float)
-            loss = (usual.reindex(here.index) - here[HOTA]).dropna()
+            here = some.set_index(RUN).reindex(columns=[*SCORES.values()]).astype(float)
+            both = pd.DataFrame({"usual": usual.reindex(here.index), "here": here[HOTA]}).dropna()
+            hota = here[HOTA].dropna().groupby("unit").agg(["sum", "count"]).to_numpy(dtype=np.float64)
+            interval = possible_ci(hota[:, 0], hota[:, 1], Possible(most=100.0))
             found.append(
                 Cost(
                     variant=str(variant),
                     model=str(model),
                     mismatch=str(mismatch),
-                    hota_loss=float(loss.mean()),
-                    hota_loss_ci95=_interval(loss),
+                    hota_loss=lead(both).difference,
+                    hota_loss_ci95=_interval(both),
                     runs=len(some),
-                    hota_ci95=_interval(here[HOTA], Possible(most=100.0)),
+                    hota_ci95=(interval.low, interval.high),
                     **dict(zip(SCORES, here.mean(), strict=True)),
                 )
             )
@@ -119,20 +124,21 @@ def costs(table: pd.DataFrame) -> list[Cost]:
 def leads(table: pd.DataFrame) -> list[Lead]:
     """Return how far the first tracker is ahead of the best of the others by each of ``LEADS``, world by world.
 
-    A world in which it or all others lack the score has none.
+    A world in which it has no score, or each of the others lacks it at a setting, has none.
     """
     rows, found = _by_world(table), []
     first = rows["name"].iloc[0] if len(rows) else ""
     for score, column in LEADS.items():
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
-            values = some.reindex(columns=["world", "name", column]).pivot_table(column, "world", "name", dropna=False)
+            values = some.reindex(columns=[*RUN, "name", column]).pivot_table(column, RUN, "name")
             if first not in values:
                 continue
-            ahead = values.drop(columns=first).rsub(values[first], axis=0).dropna(axis=1, how="all")
-            if len(ahead.columns):
-                best = str(ahead.mean().idxmin())
-                pairs = ahead[best].dropna()
-                found.append(Lead(str(mismatch), score, first, best, pairs.mean(), _interval(pairs), len(pairs)))
+            others = common_runs(values[values[first].notna()]).drop(columns=first)
+            if not others.empty:
+                best = str(others.mean().idxmax())
+                pairs = values[[first, best]].dropna()
+                ahead = lead(pairs).difference
+                found.append(Lead(str(mismatch), score, first, best, ahead, _interval(pairs), len(pairs)))
     return found
 
 
@@ -141,11 +147,12 @@ def _by_world(table: pd.DataFrame) -> pd.DataFrame:
     table = table[table["succeeded"].astype(bool)].copy()
     table["model"] = table["model"].fillna("")
     table["name"] = (table["variant"] + " " + table["model"]).str.strip()
-    world = [name for name in (NET, DENSITY, DEMAND, RECORDING, SEED) if name in table]
+    traffic = [name for name in (NET, DENSITY, DEMAND) if name in table]
     # Scores of the traffic begin with the name of its settings.
     axes = [name for name in map(str, table) if name.startswith(("sensor.", "tracker.")) or name in TRAFFIC_SETTINGS]
     # As text, since missing values are no keys to join on.
-    table["world"] = ["|".join(map(str, row)) for row in table[[*world, *axes]].itertuples(index=False)]
+    table["setting"] = ["|".join(map(str, row)) for row in table[[*traffic, *axes]].itertuples(index=False)]
+    table["unit"] = table[RECORDING if RECORDING in table else SEED].astype(str)
     return table
 
 
@@ -191,10 +198,9 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
     return markdown_page(parts)
 
 
-def _interval(values: pd.Series[float], possible: Possible = ANY) -> tuple[float, float]:
-    known = np.asarray(values.dropna(), dtype=np.float64)
-    interval = possible_ci(known, np.ones(len(known)), possible)
-    return interval.low, interval.high
+def _interval(pairs: pd.DataFrame) -> tuple[float, float]:
+    of_lead = lead(pairs)
+    return of_lead.ci95 if of_lead.se > 0.0 else (NAN, NAN)
 
 
 def _points(value: float, ends: tuple[float, float]) -> str:

@@ -36,24 +36,36 @@ def test_five_times_the_clutter_is_five_times_that_of_the_profile():
     assert float(words["sensor.persistent_clutter"]) == pytest.approx(5 * sensor.persistent_clutter)
 
 
-def test_losses_are_paired_run_by_run():
+def run_of(name, density, seed, hota, world=AS_IS):
+    where = {"variant": name, "model": None, "density": density, "seed": seed, "mismatch": world}
+    return where | {"mot.hota": hota, "succeeded": True}
+
+
+def test_losses_are_paired_run_by_run_and_two_densities_of_a_seed_are_one_unit():
     rows = [
-        {"variant": "a", "model": None, "density": 20.0, "demand": None, "seed": seed, "mismatch": mismatch}
-        | {"mot.hota": hota, "mot.id_switches": 3.0, "calibration.coverage95.lon": 95.0, "succeeded": True}
+        run_of("a", density, seed, hota, mismatch) | {"mot.id_switches": 3.0, "calibration.coverage95.lon": 95.0}
         for mismatch, values in ((AS_IS, (90.0, 60.0, 80.0)), ("bursts", (88.0, 57.0, 76.0)))
         for seed, hota in enumerate(values)
+        for density in (20.0, 45.0)
     ]
     usual, bursts = costs(pd.DataFrame(rows))
     assert usual.hota_loss == 0.0
     assert bursts.hota_loss == pytest.approx(np.mean([2.0, 3.0, 4.0]))
     low, high = bursts.hota_loss_ci95
-    # Three runs with a standard deviation of 1: 4.303 standard errors of 1 / sqrt(3) to either side.
+    # Three seeds with a standard deviation of 1: 4.303 standard errors of 1 / sqrt(3) to either side.
     assert (low, high) == pytest.approx((3.0 - 4.303 / 3**0.5, 3.0 + 4.303 / 3**0.5), abs=1e-3)
     # HOTA of 88, 57 and 76: a mean of 73.67, a standard deviation of 15.63. As a share it is that of so many samples:
     samples = 0.7367 * 0.2633 / (0.1563**2 / 3) * (1.960 / 4.303) ** 2
     ends = [100 * beta.ppf(at, 0.7367 * samples + up, 0.2633 * samples + 1 - up) for at, up in ((0.025, 0), (0.975, 1))]
     assert bursts.hota_ci95 == pytest.approx(ends, abs=0.05)
     assert f"| a | bursts | 73.7 [{ends[0]:.1f}, {ends[1]:.1f}] | 3.0 [" in costs_markdown([usual, bursts], [])
+
+
+def test_a_tracker_without_runs_at_the_hard_density_is_not_the_best_of_the_others():
+    hota = {"first": (90.0, 70.0), "second": (88.0, 69.0), "third": (89.0, None)}
+    rows = [run_of(name, at, seed, of[at > 20]) for name, of in hota.items() for at in (20, 45) for seed in (0, 1)]
+    (told,) = leads(pd.DataFrame(rows))
+    assert (told.best_other, told.ahead, told.runs) == ("second", 1.5, 4)
 
 
 def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world():
