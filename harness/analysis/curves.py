@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import special
 
 from harness.analysis import coasting_ratio
+from harness.common.effects import LEVEL
 from harness.common.intervals import NONNEGATIVE, Possible, possible_ci
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import view
@@ -20,8 +22,7 @@ from mmpf.numerics.arrays import FloatArray
 
 Ratio = tuple[float | None, tuple[float, float] | None]
 """A ratio, None without a sample, and its 95 % interval, None without a scatter."""
-DRAWS = 2000
-BREAK_PERCENT = 50.0
+BREAK_PERCENT, STEPS = 50.0, 1000
 BREAK_METRIC = "occlusion.same_id"
 FEWEST_EVENTS = 20
 """With fewer occlusions at a density, over all seeds, their share says nothing."""
@@ -90,7 +91,7 @@ class Break:
 
     Attributes:
         label: Tracker with its settings and model, and its network if there are several.
-        ci95: Bootstrap interval over seeds; an end at which resamples hold is None.
+        ci95: Where the ends of the share's Student interval over seeds fall below it; None for an end that does not.
         held_to: Highest density of the grid with enough occlusions to tell; None if there is none.
         at_lowest: Whether it is broken at the lowest such density already, so that it may break below.
     """
@@ -216,41 +217,38 @@ def summed_by(
 def _break(label: str, runs: pd.DataFrame) -> Break:
     judged = next(quantity for quantity in curve_quantities() if quantity.key == BREAK_METRIC)
     seeds = np.unique(runs["seed"].to_numpy())
-    kept, sums, counts = [], [], []
+    kept, shares, influences = [], [], []
     for density, at_density in runs.groupby("density", sort=True):
-        share, events = summed_by("seed", at_density, *sums_and_weights(at_density, judged), seeds)
-        if events.sum() >= FEWEST_EVENTS:
+        sums, events = summed_by("seed", at_density, *sums_and_weights(at_density, judged), seeds)
+        if (total := events.sum()) >= FEWEST_EVENTS:
             kept.append(float(str(density)))
-            sums.append(share)
-            counts.append(events)
+            shares.append(sums.sum() / total)
+            influences.append((sums - shares[-1] * events) / total)
     if not kept:
         return Break(label, None, None, None, False)
-    densities, sums_array, counts_array = np.array(kept), np.array(sums).T, np.array(counts).T
-    one = np.ones((1, len(seeds)))
-    (crossing,) = _crossings(densities, one @ sums_array, one @ counts_array)
+    # Interpolated seed by seed, since the share between two densities is less uncertain than at either of them.
+    densities = np.union1d(kept, np.linspace(kept[0], kept[-1], STEPS))
+    share = np.interp(densities, kept, shares)
     interval = None
-    if len(seeds) > 1:
-        rng = np.random.default_rng(0)
-        drawn = rng.multinomial(len(seeds), np.full(len(seeds), 1.0 / len(seeds)), size=DRAWS).astype(np.float64)
-        ends = np.quantile(
-            _crossings(densities, drawn @ sums_array, drawn @ counts_array), (0.025, 0.975), method="lower"
-        )
-        interval = (_finite(ends[0]), _finite(ends[1])) if np.isfinite(ends).any() else None
-    return Break(label, _finite(crossing), interval, kept[-1], bool(crossing == densities[0]))
+    if (n := len(seeds)) > 1:
+        squares = sum(np.interp(densities, kept, of_seed) ** 2 for of_seed in np.array(influences).T)
+        half = special.stdtrit(n - 1, 1.0 - 0.5 * LEVEL) * np.sqrt(n / (n - 1) * squares)
+        low, high = (_crossing(densities, line) for line in (share - half, share + half))
+        interval = (_finite(low), _finite(high)) if np.isfinite(low) else None
+    crossing = _crossing(densities, share)
+    return Break(label, _finite(crossing), interval, kept[-1], crossing == kept[0])
 
 
-def _crossings(densities: FloatArray, sums: FloatArray, counts: FloatArray) -> FloatArray:
-    """Return where each row's share first falls below the limit; infinite where it never does, shape (rows,)."""
-    shares = np.divide(sums, counts, out=np.full_like(sums, np.inf), where=counts > 0.0)
+def _crossing(densities: FloatArray, shares: FloatArray) -> float:
+    """Return where the share first falls below the limit, interpolated; infinite where it never does."""
     below = shares < BREAK_PERCENT
-    first = below.argmax(axis=1)
-    earlier = np.maximum(first - 1, 0)
-    before, after = (np.take_along_axis(shares, place[:, None], axis=1)[:, 0] for place in (earlier, first))
-    # Without a share just before, the curve falls at the first density with a share below the limit.
-    between = np.isfinite(before) & (first > 0)
-    fall = np.where(between, before - np.where(between, after, 0.0), 1.0)
-    part = np.where(between, (before - BREAK_PERCENT) / fall, 1.0)
-    return np.where(below.any(axis=1), densities[earlier] + part * (densities[first] - densities[earlier]), np.inf)
+    if not below.any():
+        return np.inf
+    first = int(below.argmax())
+    if not first:
+        return float(densities[0])
+    part = (shares[first - 1] - BREAK_PERCENT) / (shares[first - 1] - shares[first])
+    return float(densities[first - 1] + part * (densities[first] - densities[first - 1]))
 
 
 def _finite(value: float) -> float | None:
