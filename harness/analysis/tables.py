@@ -90,7 +90,7 @@ def print_result(
 
 
 HOTA_NOTE = (
-    "HOTA is by position (similarity falls to 0 at 4 m along the road and 2 m across), not by overlap of boxes, so "
+    "HOTA is by position (similarity falls to 0 at 8 m along the road and 4 m across), not by overlap of boxes, so "
     "it differs from that of other programs (docs/explanation/scores.md)."
 )
 DEFINITION = (
