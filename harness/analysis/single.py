@@ -154,7 +154,7 @@ def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: Floa
         quantity=quantity,
         a=a.value,
         b=b.value,
-        effect=Effect(difference, 0.0 if same else float(np.sqrt(variance)), effect.units),
+        effect=Effect(difference, 0.0 if same else float(np.sqrt(variance)), effect.units, a.share),
         pairs=int(counted.sum()),
         same=same,
     )

@@ -35,12 +35,14 @@ class ByVehicle:
         influence: By vehicle code, of mean 0, shape (vehicles,); 0 of vehicles that it is not over.
         counts: Whether the metric is over the vehicle, shape (vehicles,).
         others: Influence of what belongs to no vehicle, such as tracks that never met one, shape (k,).
+        share: Share of the vehicles that settles the value.
     """
 
     value: float
     influence: FloatArray
     counts: FloatArray
     others: FloatArray
+    share: float = 1.0
 
 
 def closeness(truth: TruthRows, vehicles: int) -> FloatArray:
@@ -116,7 +118,7 @@ def worst_tenth_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     """Return the recall in plain view over the worst tenth of vehicles, in percent.
 
     It is an expected shortfall, weighted by vehicle-steps, and its influence is that of one: vehicles in the worst
-    tenth move it by how far they are below the best of them, which is where the tenth ends.
+    tenth move it by how far they are below the best of them, in whose place they keep another vehicle out.
     """
     part = measure_plain_view(evidence)
     ranked = part.counted_s >= RANKED_S - TIME_TOLERANCE_S
@@ -125,12 +127,13 @@ def worst_tenth_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     if not len(worst):
         return ByVehicle(np.nan, influence, counts, np.zeros(0))
     counted, followed = part.counted[worst], part.followed[worst]
-    steps = counted.sum()
-    influence[worst] = 100.0 * (followed - counted * (followed / counted).max()) / steps
+    steps, value = counted.sum(), followed.sum() / counted.sum()
+    limit = (followed / counted).max()
+    influence[worst] = 100.0 * (followed - counted * value - counted.mean() * (limit - value)) / steps
     chosen = np.flatnonzero(ranked)
     counts[chosen] = part.counted[chosen]
     influence[chosen] -= influence[chosen].mean()
-    return ByVehicle(100.0 * float(followed.sum() / steps), influence, counts, np.zeros(0))
+    return ByVehicle(100.0 * float(value), influence, counts, np.zeros(0), WORST_SHARE)
 
 
 def hota_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:

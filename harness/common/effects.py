@@ -24,17 +24,19 @@ MOST_UNITS = 10_000
 class Effect:
     """A difference b minus a, its standard error and how many independent units, not always whole, are behind it.
 
-    The first is nan where there is nothing to estimate it from, the second where the units are too few to tell.
+    The first is nan where there is nothing to estimate it from, the second where the units are too few to tell. If a
+    share of the units alone settles it, such as the worst tenth, that share has the degrees of freedom.
     """
 
     difference: float
     se: float
     units: float
+    share: float = 1.0
 
     @property
     def ci95(self) -> tuple[float, float]:
         """The 95 % interval; nan where the scatter is not known."""
-        quantile = float(special.stdtrit(max(self.units - 1.0, 0.5), 1.0 - 0.5 * LEVEL))
+        quantile = float(special.stdtrit(max(self.units * self.share - 1.0, 0.5), 1.0 - 0.5 * LEVEL))
         half = quantile * self.se if np.isfinite(self.se) else np.nan
         return self.difference - half, self.difference + half
 
@@ -45,7 +47,7 @@ class Effect:
             return np.nan
         if self.se == 0.0:
             return 1.0 if self.difference == 0.0 else 0.0
-        return float(2.0 * special.stdtr(self.units - 1.0, -abs(self.difference) / self.se))
+        return float(2.0 * special.stdtr(max(self.units * self.share - 1.0, 0.5), -abs(self.difference) / self.se))
 
     def units_to_decide(self, margin: float, tests: int, worsening: float) -> int | None:
         """Return how many units would decide whether b is worse than the margin, in four cases of five.
@@ -60,7 +62,7 @@ class Effect:
         if away <= 0.0:
             return None
         units = np.unique(np.geomspace(max(self.units + 1.0, 3.0), MOST_UNITS, 200).astype(np.int64))
-        reached = special.stdtrit(units - 1.0, 1.0 - level) + special.ndtri(POWER)
+        reached = special.stdtrit(np.maximum(units * self.share - 1.0, 0.5), 1.0 - level) + special.ndtri(POWER)
         enough = np.flatnonzero(reached * sd <= away * np.sqrt(units))
         return int(units[enough[0]]) if len(enough) else None
 

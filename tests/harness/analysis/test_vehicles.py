@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -198,6 +199,21 @@ def test_the_influence_on_the_worst_tenth_is_its_derivative_along_a_vehicles_wei
     assert found.influence.sum() == pytest.approx(0.0)
     worst, second = np.argsort(recall)[:2]
     assert found.influence[worst] - found.influence[second] == pytest.approx((recall[worst] - recall[second]) / 2.0)
+
+
+@pytest.mark.parametrize("number", [30, 100])
+def test_intervals_of_the_worst_tenth_cover_what_they_say(monkeypatch, number):
+    rng, covered = np.random.default_rng(number), []
+    for _ in range(500):
+        counted, chance = rng.integers(10, 200, number), rng.beta(20.0, 1.0, number)
+        sides = []
+        for followed in rng.binomial(counted, chance, (2, number)):
+            part = SimpleNamespace(counted=counted, followed=followed, counted_s=0.1 * counted)
+            monkeypatch.setattr(vehicles, "measure_plain_view", lambda _, part=part: part)
+            sides.append(vehicles.worst_tenth_by_vehicle(part, number))
+        low, high = _of_sides("a", Quantity("mot.hota", "HOTA"), sides, np.eye(number)).effect.ci95
+        covered.append(low <= 0.0 <= high)
+    assert 0.92 <= np.mean(covered) <= 0.99
 
 
 def test_without_a_vehicle_in_plain_view_there_is_no_recall(evidence):
