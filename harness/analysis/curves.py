@@ -234,25 +234,17 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
         squares = sum(np.interp(densities, kept, of_seed) ** 2 for of_seed in np.array(influences).T)
         half = special.stdtrit(n - 1, 1.0 - 0.5 * LEVEL) * np.sqrt(n / (n - 1) * squares)
         low, high = (_crossing(densities, line) for line in (share - half, share + half))
-        interval = (_finite(low), _finite(high)) if np.isfinite(low) else None
-    crossing = _crossing(densities, share)
-    return Break(label, _finite(crossing), interval, kept[-1], crossing == kept[0])
+        interval = None if low is None else (low, high)
+    return Break(label, crossing := _crossing(densities, share), interval, kept[-1], crossing == kept[0])
 
 
-def _crossing(densities: FloatArray, shares: FloatArray) -> float:
-    """Return where the share first falls below the limit, interpolated; infinite where it never does."""
+def _crossing(densities: FloatArray, shares: FloatArray) -> float | None:
+    """Return where the share first falls below the limit, interpolated; None where it never does."""
     below = shares < BREAK_PERCENT
     if not below.any():
-        return np.inf
-    first = int(below.argmax())
-    if not first:
-        return float(densities[0])
-    part = (shares[first - 1] - BREAK_PERCENT) / (shares[first - 1] - shares[first])
-    return float(densities[first - 1] + part * (densities[first] - densities[first - 1]))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+        return None
+    fall = slice(max(int(below.argmax()) - 1, 0), int(below.argmax()) + 1)
+    return float(np.interp(-BREAK_PERCENT, -shares[fall], densities[fall]))
 
 
 def points_of(points: Sequence[Point], axis: str, metric: str) -> Iterator[tuple[str, list[Point]]]:

@@ -37,8 +37,7 @@ def leading_sentence(
     if len(ranked) < 2 or not len(common):
         return ""
     pairs = wide[list(ranked[:2])].dropna()
-    settings = pairs.groupby("setting", sort=False)
-    by_setting = {str(name): lead(of_setting).difference for name, of_setting in settings}
+    by_setting = {str(name): lead(each).difference for name, each in pairs.groupby("setting", sort=False)}
     overall = lead(pairs)
     shown = sorted(by_setting, key=by_setting.__getitem__) if len(by_setting) > MOST_SETTINGS else list(by_setting)
     parts = [f"{by_setting[name]:.{quantity.decimals}f} at {name}" for name in (shown[0], shown[-1])]
@@ -61,8 +60,8 @@ def common_runs(wide: pd.DataFrame) -> pd.DataFrame:
 def lead(pairs: pd.DataFrame) -> Effect:
     """Return by how much the first column exceeds the second, as ``compare`` does; rows are by setting and unit."""
     first, second = pairs.to_numpy(dtype=np.float64).T
-    setting, seed = (pairs.index.get_level_values(name).factorize()[0] for name in ("setting", "unit"))
-    return paired_effect(second, first, setting, seed)
+    setting, unit = (pairs.index.get_level_values(name).factorize()[0] for name in ("setting", "unit"))
+    return paired_effect(second, first, setting, unit)
 
 
 def _in_words(lead: Effect, quantity: Quantity, seeds: int) -> str:

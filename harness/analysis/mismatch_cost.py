@@ -33,7 +33,6 @@ SCORES = {
 }
 """Of each mean of a ``Cost`` the column of the grid."""
 RUN = ["setting", "unit", SEED]
-"""What a run shares with others: its setting and its independent unit, which is its recording or else its seed."""
 STOPPED = "stopped amid traffic"
 """Column of the recall of stopped vehicles, which a table without any leaves out."""
 STOPPED_NOTE = f"Stopped amid traffic: slower than {STANDING_MPS:g} m/s for {STANDING_S:g} s while others drive."
@@ -47,8 +46,7 @@ class Cost:
 
     Attributes:
         variant: The tracker as the user wrote it.
-        hota_loss: HOTA without the mismatch less that, run by run, points; nan without such runs. Intervals are
-            over seeds.
+        hota_loss: HOTA without the mismatch less that, run by run, points; nan without such runs.
         coverage95_lon: Percent of true longitudinal positions in the 95 % intervals.
         runs: Number of runs that ended well.
         recall: Percent of vehicle-steps in plain view that have a reported track; nan of runs without that score.
@@ -131,9 +129,7 @@ def leads(table: pd.DataFrame) -> list[Lead]:
     for score, column in LEADS.items():
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
             values = some.reindex(columns=[*RUN, "name", column]).pivot_table(column, RUN, "name")
-            if first not in values:
-                continue
-            others = common_runs(values[values[first].notna()]).drop(columns=first)
+            others = common_runs(values.dropna(subset=first)).drop(columns=first) if first in values else values[:0]
             if not others.empty:
                 best = str(others.mean().idxmax())
                 pairs = values[[first, best]].dropna()

@@ -127,9 +127,8 @@ def worst_tenth_by_vehicle(evidence: Evidence, vehicles: int) -> ByVehicle:
     if not len(worst):
         return ByVehicle(np.nan, influence, counts, np.zeros(0))
     counted, followed = part.counted[worst], part.followed[worst]
-    steps, value = counted.sum(), followed.sum() / counted.sum()
-    limit = (followed / counted).max()
-    influence[worst] = 100.0 * (followed - counted * value - counted.mean() * (limit - value)) / steps
+    steps, value, best = counted.sum(), followed.sum() / counted.sum(), (followed / counted).max()
+    influence[worst] = 100.0 * (followed - counted * value - counted.mean() * (best - value)) / steps
     chosen = np.flatnonzero(ranked)
     counts[chosen] = part.counted[chosen]
     influence[chosen] -= influence[chosen].mean()

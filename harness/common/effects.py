@@ -24,8 +24,7 @@ MOST_UNITS = 10_000
 class Effect:
     """A difference b minus a, its standard error and how many independent units, not always whole, are behind it.
 
-    The first is nan where there is nothing to estimate it from, the second where the units are too few to tell. If a
-    share of the units alone settles it, such as the worst tenth, that share has the degrees of freedom.
+    The first two are nan where they are unknown. Freedom is that of the share of units that settles the difference.
     """
 
     difference: float
@@ -73,9 +72,8 @@ NOTHING = Effect(np.nan, np.nan, 0.0)
 def paired_effect(a: FloatArray, b: FloatArray, stratum: IntArray, unit: IntArray) -> Effect:
     """Return the mean of b - a over pairs, whose errors are shared within a unit (a seed) and none between units.
 
-    The scatter is that around each stratum's own mean, so that densities do not widen each other's interval; around
-    the common one where a stratum has a single unit. Both arms' values on the same traffic, each pair's stratum (a
-    setting, such as its density) and its unit are of shape (n,).
+    The scatter is around each stratum's own mean, or the common one where a stratum has a single unit. Both arms'
+    values on the same traffic, each pair's stratum (a setting, such as its density) and its unit are of shape (n,).
     """
     if not len(a):
         return NOTHING
@@ -140,6 +138,5 @@ def _scatter(values: FloatArray, weight: FloatArray, stratum: IntArray, unit: In
         place, share = np.zeros_like(place), share.sum(axis=0, keepdims=True)
     total = share.sum(axis=1)
     centre = np.bincount(place, weights=weight * values) / total
-    # How far the sum moves if a unit is left out, with its weight shared among the others of its settings.
     away = weight * (values - centre[place]) / (1.0 - share / total[:, None])[place, unit]
     return float(np.sqrt((units - 1.0) / units * (np.bincount(unit, weights=away) ** 2).sum())), float(units)
