@@ -12,6 +12,7 @@ from harness.scoring.gathered import Evidence as Evidence
 from harness.scoring.metrics.parts import InParts as InParts
 from harness.scoring.metrics.quantity import Quantity as Quantity
 from harness.scoring.metrics.registry import register as register_metric
+from harness.sensor.profiles import sensor_settings as sensor_settings
 from harness.trackers.conformance.checks import check_tracker as check_tracker
 from harness.trackers.conformance.checks import tracker_checks as tracker_checks
 from harness.trackers.protocol import TellsUnseen as TellsUnseen

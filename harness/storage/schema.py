@@ -97,7 +97,7 @@ EPISODE = _whole("episode", "number of the ego's stay; identities never connect 
 WHEN = (STEP, TIME, EPISODE)
 LON = _number("lon_m", "longitudinal position of the centre; in the plane, x", numbers=PLACE_M)
 LAT = _number("lat_m", "lateral position of the centre, positive to the left; in the plane, y", numbers=PLACE_M)
-LON_SPEED = _number("speed_mps", "longitudinal speed")
+LON_SPEED = _number("speed_mps", "speed along the road, in the plane along the heading")
 LAT_SPEED = _number("lat_speed_mps", "lateral speed, positive to the left")
 ACCEL = _number("accel_mps2", "longitudinal acceleration")
 STDS = (
