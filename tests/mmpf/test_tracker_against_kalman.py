@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import BirthOptions, FilterOptions, ModelErrorOptions
@@ -8,7 +9,7 @@ from mmpf.scan import Scan, SensorModel
 from mmpf.tracker import MixtureTracker
 from tests.mmpf.scenes import ROAD, LinearGaussianMotion, detections_at, ego_at
 
-STEPS, PARTICLES, REPLICATES = 50, 2000, 20
+STEPS, PARTICLES, REPLICATES = 50, 2000, 60
 DT_S, STD_LON_M, STD_LAT_M, EGO_SPEED_MPS = 0.1, 0.5, 0.3, 20.0
 BIRTH = BirthOptions(local_speed_share=1.0, local_speed_std_mps=2.0, lat_speed_std_mps=0.4, standing_share=0.0)
 SENSOR = SensorModel(detection_probability=0.999, clutter_per_scan=1e-3)
@@ -76,6 +77,6 @@ def test_one_linear_gaussian_target_is_tracked_like_the_exact_kalman_filter(upda
     standard_error = runs.std(axis=0, ddof=1)
     deviation = (runs - exact_means(scans)) / standard_error
     bias = deviation.mean(axis=0) * np.sqrt(REPLICATES)
-    assert (np.abs(deviation[0]) < 3.0).all()
     assert (np.abs(deviation) < 3.0).mean() > 0.99
-    assert np.abs(bias).max() < 3.5, "what remains must be chance, not bias"
+    # Chance alone exceeds this once in a thousand tests.
+    assert np.abs(bias).max() < student.isf(0.0005 / bias.size, REPLICATES - 1)
