@@ -213,6 +213,8 @@ class RunConfig(_Strict):
     """The tracker."""
     decisions: DecisionsConfig = Field(default_factory=DecisionsConfig)
     """What the tracks would do to driving."""
+    metric: CodeName | None = None
+    """Metric of your own, ``module:function``; every metric that its module registers is scored."""
 
     def as_table(self) -> dict[str, object]:
         """Return the configuration as nested plain values without what is not set; the form of ``config.toml``."""

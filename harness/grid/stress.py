@@ -24,7 +24,7 @@ from harness.common.numbers import without_nan
 from harness.grid.cells import GridPlan, assemble, distinct_trackers, labels_markdown
 from harness.grid.grid import GridRequest, plan_grid, with_example
 from harness.grid.making import SUMMARY, TABLE, Making, RunCells, Telling, make_rows
-from harness.running.open import check_tracker_and_driver, open_snapshots
+from harness.running.open import check_named_code, open_snapshots
 from harness.sensor.profiles import sensor_settings
 from harness.storage.grid_folder import FIGURES, RUNS, Row
 from harness.storage.schema import MISMATCH, RECORDING
@@ -97,7 +97,7 @@ def _check_sensors_and_trackers(grid: GridPlan) -> None:
         except InputError as error:
             raise with_example(error, grid.axes) from None
     for config in distinct_trackers(grid):
-        check_tracker_and_driver(config)
+        check_named_code(config)
 
 
 def _write_outcome(grid: GridPlan, request: GridRequest, out: Path, rows: Mapping[str, Row]) -> FinishedGrid:

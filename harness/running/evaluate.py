@@ -21,7 +21,7 @@ from harness.running.open import as_believed, tracker_builder
 from harness.running.plausibility import warn_of_implausible
 from harness.running.provenance import provenance_of
 from harness.running.recorder import STRETCH_ROWS, ColumnRecorder
-from harness.running.resolve import write_config
+from harness.running.resolve import import_metrics, write_config
 from harness.running.snapshots import RandomStreams, SnapshotStream
 from harness.running.unseen import UnseenKeeper
 from harness.running.watchers import DiagnosticsKeeper, ParticleKeeper
@@ -182,6 +182,7 @@ def evaluation_of(
     Args:
         keepers: What is kept beside what every run keeps, by the file of its table.
     """
+    import_metrics(config)
     told = as_believed(snapshots, config)
     kept: dict[str, Keeper] = {**(keepers or {}), runfolder.UNSEEN: UnseenKeeper(told.road, told.sensor)}
     driven = DriverSetup(driver_of(config.decisions.driver), snapshots.road)

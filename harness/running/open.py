@@ -14,6 +14,7 @@ from harness.config.model import BeliefsConfig, RecordingConfig, RunConfig, Traf
 from harness.decisions.decide import driver_of
 from harness.running.follow import TrackerBuilder
 from harness.running.replay import read_snapshots, snapshots_of_bag
+from harness.running.resolve import import_metrics
 from harness.running.snapshots import RandomStreams, SnapshotStream, observe_traffic
 from harness.sensor.altered import altered
 from harness.sensor.detector import build_sensor, data_sheet
@@ -163,8 +164,9 @@ def check_one_road(config: RunConfig) -> None:
         raise InputError(f"`video`: films show one road from above, and {config.traffic.net} has many; leave it out")
 
 
-def check_tracker_and_driver(config: RunConfig) -> None:
-    """Build both once as a check, so that a wrong name or option is reported before any traffic is simulated."""
+def check_named_code(config: RunConfig) -> None:
+    """Use what is named once as a check, so that a wrong name or option is reported before traffic is simulated."""
+    import_metrics(config)
     settings = sensor_settings(config.sensor.profile, config.sensor.overrides)
     try:
         sensor = replace(data_sheet(settings), **config.tracker.believes.sheet())

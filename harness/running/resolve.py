@@ -23,6 +23,12 @@ from harness.truth.network.network import default_demand
 from harness.truth.recorded.formats import example, network_of, recognise
 from harness.truth.recorded.outside import recording_formats
 from mmpf.motion.protocol import motion_models
+from mmpf.registry import Registry
+
+own_metrics: Registry[object] = Registry(
+    "metric", "harness.metrics", unknown="{name!r} is no metric; give module:function"
+)
+"""Metrics of the user's, which are registered where their module is imported."""
 
 
 def resolve_run_config(
@@ -146,5 +152,12 @@ def external_code(config: RunConfig, *, but_tracker: bool) -> str:
         (sensor_profiles, config.sensor.profile),
         (drivers, config.decisions.driver),
         (recording_formats, recording.format if recording is not None else None),
+        (own_metrics, config.metric),
     )
     return ", ".join(name for registry, name in named if name and registry.is_outside(name))
+
+
+def import_metrics(config: RunConfig) -> None:
+    """Import the module of the user's metric, or raise an ``InputError`` that says why it can't be had."""
+    if config.metric is not None and (problem := own_metrics.problem(config.metric)):
+        raise InputError(f"`metric`{problem}")

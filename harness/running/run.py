@@ -23,7 +23,7 @@ from harness.common.signals import signals_held, told_to_end
 from harness.config.layers import config_from_table, leaves
 from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
-from harness.running.open import OpenSnapshots, check_tracker_and_driver, open_snapshots
+from harness.running.open import OpenSnapshots, check_named_code, open_snapshots
 from harness.running.provenance import provenance_of
 from harness.running.resolve import write_config
 from harness.running.snapshots import SnapshotStream
@@ -105,7 +105,7 @@ def run(
         if line and not quiet:
             sys.stderr.write(f"{line}\n")
 
-    check_tracker_and_driver(config)
+    check_named_code(config)
     if resume and out is not None and (kept := kept_metrics(config, out, open_snapshots, tell)) is not None:
         return FinishedRun(out, kept)
     pending = runfolder.open_folder(out, config.default_folder_name(), force)

@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 import sys
+from functools import partial
 
 import pandas as pd
 import pytest
@@ -100,12 +101,26 @@ def test_it_is_in_the_tables_of_recorded_traffic_and_of_the_ablation():
     assert TRACKS_PER_STEP in ablated_quantities()
 
 
-def test_a_comparison_in_another_process_judges_it_where_its_module_is_named(finished, tmp_path):
-    quantity = "plugins.Quantity('toy.tracks', 'tracks a step')"
+@pytest.fixture
+def other(tmp_path):
+    """Return what runs a command in another process, which finds the metric in the module ``mine``."""
     (tmp_path / "mine.py").write_text(
-        f"from harness import plugins\nplugins.register_metric('toy', {quantity})(dict)\n"
+        "from harness.plugins import Quantity, register_metric\n"
+        "@register_metric('toy', Quantity('toy.tracks', 'tracks a step'))\n"
+        "def toy(evidence):\n    return {'tracks': 7.0}\n"
     )
+    return partial(subprocess.run, cwd=tmp_path, capture_output=True, check=False)
+
+
+def test_a_comparison_in_another_process_judges_it_where_its_module_is_named(finished, other):
     for name, code, word in (("mine:", 0, "tracks a step"), ("", 2, "no such metric"), ("none:", 2, "can't import")):
         words = ["-m", "harness", "compare", *2 * [str(finished.folder)], "--primary", f"{name}toy.tracks"]
-        told = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, check=False)
+        told = other([sys.executable, *words])
         assert (told.returncode, word in told.stderr.decode()) == (code, True)
+
+
+def test_a_stress_test_of_a_built_in_tracker_has_it_where_a_setting_names_it(other, tmp_path):
+    words = ["stress", "--densities", "20", "--seeds", "1", "--duration", "1", "--trackers", "pmbm", "--out", "grid"]
+    for name, code in (("mine:toy", 0), ("mine:none", 2), ("mine", 2)):
+        assert other([sys.executable, "-m", "harness", *words, "--set", f"metric={name}"]).returncode == code
+    assert pd.read_parquet(tmp_path / "grid" / "runs.parquet")["toy.tracks"].tolist() == [7.0]

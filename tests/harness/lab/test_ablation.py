@@ -5,7 +5,7 @@ import pytest
 
 from harness.grid.grid import plan_grid
 from harness.lab import ablation
-from harness.running.open import check_tracker_and_driver
+from harness.running.open import check_named_code
 from harness.sensor.profiles import sensor_settings
 
 
@@ -22,7 +22,7 @@ def test_every_arm_is_a_setting_that_the_tracker_takes():
     grid = plan_grid(ablation.ablation_request("us101", "0:2", 60.0))
     assert [run.variant for run in grid.cells[0].runs] == list(ablation.ABLATIONS)
     for run in grid.cells[0].runs:
-        check_tracker_and_driver(run.config)
+        check_named_code(run.config)
 
 
 def test_both_readings_with_the_papers_own_models_are_run_under_the_papers_sensor_too():
