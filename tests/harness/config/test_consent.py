@@ -44,9 +44,8 @@ def text_keys():
 
 @pytest.mark.parametrize("key", text_keys())
 def test_no_setting_of_a_file_has_code_imported(key, download, tmp_path):
-    *tables, last = key.split(".")
     replay = f'replay = "{write_recorded_scene(tmp_path / "run")}"\n' if key == "traffic.recording.format" else ""
-    download.write_text(f'{replay}[{".".join(tables)}]\n{last} = "{MODULE}:thing"\n')
+    download.write_text(f'{replay}{key} = "{MODULE}:thing"\n')
     with pytest.raises(InputError):
         run(resolve_run_config(download), out=tmp_path / "out")
     assert MODULE not in sys.modules
@@ -55,8 +54,7 @@ def test_no_setting_of_a_file_has_code_imported(key, download, tmp_path):
 @pytest.mark.parametrize("name", [f"{MODULE}:thing", "numpy.random:default_rng", "exec:touch file", "os:abort"])
 @pytest.mark.parametrize("key", sorted(keys_of_code()))
 def test_a_file_never_chooses_code_whether_installed_or_not(key, name, download):
-    *tables, last = key.split(".")
-    download.write_text(f'[{".".join(tables)}]\n{last} = "{name}"\n')
+    download.write_text(f'{key} = "{name}"\n')
     with pytest.raises(InputError, match=f"{key} = {name}, and using that runs code"):
         resolve_run_config(download)
 
