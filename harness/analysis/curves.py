@@ -235,7 +235,8 @@ def _break(label: str, runs: pd.DataFrame) -> Break:
         half = special.stdtrit(n - 1, 1.0 - 0.5 * LEVEL) * np.sqrt(n / (n - 1) * squares)
         low, high = (_crossing(densities, line) for line in (share - half, share + half))
         interval = None if low is None else (low, high)
-    return Break(label, crossing := _crossing(densities, share), interval, kept[-1], crossing == kept[0])
+    crossing = _crossing(densities, share)
+    return Break(label, crossing, interval, kept[-1], crossing == kept[0])
 
 
 def _crossing(densities: FloatArray, shares: FloatArray) -> float | None:

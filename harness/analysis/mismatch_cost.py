@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from harness.analysis.leading import common_runs, lead
+from harness.common.effects import Effect
 from harness.common.intervals import Possible, possible_ci
 from harness.common.markdown import PagePart, markdown_page, markdown_table
 from harness.common.numbers import number
@@ -101,7 +102,7 @@ def costs(table: pd.DataFrame) -> list[Cost]:
         usual = rows[rows[MISMATCH] == AS_IS].set_index(RUN)[HOTA]
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
             here = some.set_index(RUN).reindex(columns=[*SCORES.values()]).astype(float)
-            both = pd.DataFrame({"usual": usual.reindex(here.index), "here": here[HOTA]}).dropna()
+            loss = lead(pd.DataFrame({"usual": usual.reindex(here.index), "here": here[HOTA]}).dropna())
             hota = here[HOTA].dropna().groupby("unit").agg(["sum", "count"]).to_numpy(dtype=np.float64)
             interval = possible_ci(hota[:, 0], hota[:, 1], Possible(most=100.0))
             found.append(
@@ -109,8 +110,8 @@ def costs(table: pd.DataFrame) -> list[Cost]:
                     variant=str(variant),
                     model=str(model),
                     mismatch=str(mismatch),
-                    hota_loss=lead(both).difference,
-                    hota_loss_ci95=_interval(both),
+                    hota_loss=loss.difference,
+                    hota_loss_ci95=_interval(loss),
                     runs=len(some),
                     hota_ci95=(interval.low, interval.high),
                     **dict(zip(SCORES, here.mean(), strict=True)),
@@ -133,8 +134,8 @@ def leads(table: pd.DataFrame) -> list[Lead]:
             if not others.empty:
                 best = str(others.mean().idxmax())
                 pairs = values[[first, best]].dropna()
-                ahead = lead(pairs).difference
-                found.append(Lead(str(mismatch), score, first, best, ahead, _interval(pairs), len(pairs)))
+                ahead = lead(pairs)
+                found.append(Lead(str(mismatch), score, first, best, ahead.difference, _interval(ahead), len(pairs)))
     return found
 
 
@@ -194,9 +195,8 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
     return markdown_page(parts)
 
 
-def _interval(pairs: pd.DataFrame) -> tuple[float, float]:
-    of_lead = lead(pairs)
-    return of_lead.ci95 if of_lead.se > 0.0 else (NAN, NAN)
+def _interval(effect: Effect) -> tuple[float, float]:
+    return effect.ci95 if effect.se > 0.0 else (NAN, NAN)
 
 
 def _points(value: float, ends: tuple[float, float]) -> str:
