@@ -109,7 +109,7 @@ def _run_over(
         evaluation = evaluation_of(run.config, snapshots)
         evaluation.follow((lambda *_: on_first_step() if evaluation.steps == 1 else None,))
         evaluated = evaluation.finish()
-        check_scored(evaluated.scores, evaluated.steps)
+        check_scored(evaluated.scores, evaluated.steps, "net" if run.config.replay is None else "replay")
         total_s = perf_counter() - begin
         held_against = against_coasting(evaluated.tables[runfolder.ERRORS], coasting)
         metrics = evaluated.metrics(run.config, {**snapshots.about, "against_coasting": held_against}, total_s)

@@ -107,7 +107,7 @@ def score_logs(
         evaluation = evaluation_of(config, snapshots)
         evaluation.follow()
         evaluated = evaluation.finish()
-        check_scored(evaluated.scores, evaluated.steps)
+        check_scored(evaluated.scores, evaluated.steps, "truth")
         metrics = evaluated.metrics(config, snapshots.about, perf_counter() - begin)
         if not (set(STDS) <= set(rows) and np.isfinite(rows[[*STDS]]).all(axis=None)):
             # Those that stand in for them say nothing of the tracker.

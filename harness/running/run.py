@@ -217,7 +217,7 @@ class _Attempt:
         writer.wall_s["loop"] -= writer.wall_s.get("score", 0.0) + writer.wall_s.get("write", 0.0)
         with working("scoring", quiet):
             evaluated = evaluation.finish()
-            check_scored(evaluated.scores, self.steps)
+            check_scored(evaluated.scores, self.steps, "net" if config.replay is None else "replay")
         if draw is not None:
             with writer.timed("draw"), working("drawing", quiet), self._drawing():
                 draw.figures(folder / runfolder.FIGURES, self._pictured(snapshots, moment, evaluated))

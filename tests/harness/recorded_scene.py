@@ -24,6 +24,7 @@ from harness.running.metrics import TrafficSums
 from harness.running.resolve import resolve_run_config
 from harness.storage import run_folder as runfolder
 from harness.storage.checks import rows_of
+from harness.storage.manifest import hashes_of
 from harness.storage.tables import write_table
 from mmpf.map.corridor_road import highway
 from mmpf.map.road import Road
@@ -135,7 +136,8 @@ def rewrite(folder: Path, name: str, table: pd.DataFrame) -> None:
     """Put another table in a run folder's place of one, as if the run had left it."""
     write_table(table, folder / name)
     manifest = json.loads((folder / runfolder.MANIFEST).read_text())
-    (folder / runfolder.MANIFEST).write_text(json.dumps(manifest | {"rows": rows_of(folder), "files_sha256": {}}))
+    noted = {"rows": rows_of(folder), "files_sha256": hashes_of(folder)}
+    (folder / runfolder.MANIFEST).write_text(json.dumps(manifest | noted))
 
 
 def write_lost_and_kept(folder: Path) -> tuple[Path, Path]:

@@ -173,8 +173,8 @@ def run_folder(change: Callable[[Path], object], word: str, *words: str, code: i
     return Input(make, word, code)
 
 
-def truth(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Callable[[Path], None]:
-    return lambda folder: rewrite(folder, "truth.parquet", change(pd.read_parquet(folder / "truth.parquet")))
+def truth(change: Callable[[pd.DataFrame], pd.DataFrame], file: str = "truth.parquet") -> Callable[[Path], None]:
+    return lambda folder: rewrite(folder, file, change(pd.read_parquet(folder / file)))
 
 
 def swapped(found: re.Match[str]) -> str:
@@ -315,6 +315,9 @@ INPUTS: dict[str, Input] = {
     ),
     "every second step": run_folder(
         truth(lambda rows: rows[rows.step % 2 == 0]), "lacks steps", "run", *TRACKER, "--replay"
+    ),
+    "a replay without detections": run_folder(
+        truth(lambda rows: rows[:0], "detections.parquet"), "--replay: nothing", "run", *TRACKER, "--replay"
     ),
     # Model files.
     "numbers of a model": Input(altered_model, "was altered"),

@@ -11,8 +11,8 @@ from harness.common.errors import InputError
 FEWEST_A_STEP = 0.05
 
 
-def check_scored(metrics: Mapping[str, Any], steps: int) -> None:
-    """Refuse scores over no vehicle, or nearly none.
+def check_scored(metrics: Mapping[str, Any], steps: int, parameter: str = "net") -> None:
+    """Refuse scores over no vehicle, or nearly none; ``parameter`` named the traffic.
 
     Raises:
         InputError: Vehicles were in sight in fewer than one vehicle-step in twenty of the scored steps.
@@ -22,14 +22,10 @@ def check_scored(metrics: Mapping[str, Any], steps: int) -> None:
         return
     in_range = metrics["coverage"]["vehicles_in_range"]
     if not in_range:
-        reason, fix = (
-            "no vehicle comes within the sensor's range",
-            "choose more traffic, another ego or a longer range",
-        )
+        reason, fix = "no vehicle comes within the sensor's range", "choose other traffic or a longer range"
     elif not metrics["coverage"]["detected"]:
-        reason, fix = "none of the vehicles in range is detected", "check the sensor's settings and the network"
+        reason, fix = "none of the vehicles in range is detected", "check the sensor's settings and the traffic"
     else:
         reason, fix = "vehicles are hardly ever in sight", "choose more traffic, a longer duration or a longer range"
-    raise InputError(
-        f"`net`: nothing can be scored: {in_sight} vehicle-steps in sight in {steps} steps, because {reason}; {fix}"
-    )
+    told = f"nothing can be scored: {in_sight} vehicle-steps in sight in {steps} steps, because {reason}; {fix}"
+    raise InputError(f"`{parameter}`: {told}")

@@ -9,7 +9,6 @@ from harness.grid.cells import Cell, PlannedRun
 from harness.grid.worker import Finished, work_on_cell
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
-from harness.scoring.metrics.scarce import check_scored
 from tests.harness.stand_ins import SteadyTraffic, observing
 
 ECHO = "tests.harness.stand_ins:echo_tracker"
@@ -32,10 +31,3 @@ def test_such_a_cell_of_a_grid_is_a_failed_run():
     (row,) = (message.row for message in told if isinstance(message, Finished))
     assert row["succeeded"] is False
     assert "nothing can be scored" in row["error"]
-
-
-def test_hardly_anybody_is_as_good_as_nobody():
-    coverage = {"vehicles_in_range": 2, "detected": 1}
-    with pytest.raises(InputError, match="4 vehicle-steps in sight in 100 steps"):
-        check_scored({"mot": {"truth_n": 4}, "coverage": coverage}, 100)
-    check_scored({"mot": {"truth_n": 5}, "coverage": coverage}, 100)
