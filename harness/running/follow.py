@@ -26,6 +26,7 @@ from mmpf.tracks import Tracks
 
 TrackerBuilder = Callable[[TrackerSetting], AnyTracker]
 Watch = Callable[[Snapshot, Tracks, AnyTracker], object]
+COLUMN_TYPES = {name: values.dtype for name, values in vars(Tracks.none()).items()}
 
 
 @dataclass(frozen=True)
@@ -111,11 +112,11 @@ class _EpisodeTrackers:
                 f"the tracker {described(self.tracker)} returned at {scan.time_s:g} s what can't be scored: "
                 f"{fault}; `python -m harness check-tracker` has details (docs/how-to/tracker.md)"
             )
-        if not len(tracks):
-            return tracks
-        unique = replace(tracks, track_id=tracks.track_id + self.id_offset)
-        self.first_free_id = max(self.first_free_id, int(unique.track_id.max()) + 1)
-        return unique
+        # Identities of eight bits would wrap, and kernels take no other kinds of numbers.
+        columns = {name: np.asarray(getattr(tracks, name), kind) for name, kind in COLUMN_TYPES.items()}
+        columns["track_id"] = columns["track_id"] + self.id_offset
+        self.first_free_id = int(columns["track_id"].max(initial=self.first_free_id - 1)) + 1
+        return Tracks(**columns)
 
     def _stepped(self, tracker: AnyTracker, scan: Scan, snapshot: Snapshot) -> Tracks:
         # What is recorded and scored is not in the hands of others.

@@ -86,7 +86,7 @@ def fault_of(tracks: object) -> str | None:
 
 
 def _fault_of_column(name: str, values: object, wanted: tuple[int, ...]) -> str | None:
-    if not isinstance(values, np.ndarray):
+    if not isinstance(values, np.ndarray) or isinstance(values, np.ma.MaskedArray):
         return f"is {type(values).__name__}, not an array"
     if values.shape != wanted or values.ndim != 1:
         return f"has shape {values.shape}, track_id {wanted}; both must be (m,)"
@@ -94,6 +94,7 @@ def _fault_of_column(name: str, values: object, wanted: tuple[int, ...]) -> str 
     if values.dtype.kind not in ("iu" if is_whole else "fiu"):
         return f"is {values.dtype}, not {'whole ' * is_whole}numbers"
     low, high = BOUNDS[name]
+    values = np.asarray(values, None if is_whole else np.float64)  # to float16 the bounds are infinite
     right = (values > low if name.startswith("std_") else values >= low) & (values <= high)
     if name in MAY_BE_UNKNOWN:
         right |= np.isnan(values)

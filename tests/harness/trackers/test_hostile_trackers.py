@@ -57,6 +57,8 @@ STEPS = {
     "return one(track_id=1.5)": "track_id is float64, not whole numbers",
     "return one(state=1.0)": "state is float64, not whole numbers",
     "return one(state=np.int8(7))": "state holds 7",
+    "return one(lon_m=np.float16('inf'))": "lon_m holds inf",
+    "return replace(one(), lon_m=np.ma.masked_all(1))": "lon_m is MaskedArray, not an array",
     "return Tracks(*(np.arange(300_000, dtype=k) for _, k in COLUMNS))": "",
     "return replace(one(), **{n: np.ones(20_000, k) for n, k in COLUMNS})": "there are 20000 tracks",
 }
