@@ -24,7 +24,7 @@ from mmpf.motion.protocol import (
     without_limits,
 )
 from mmpf.motion.state import ACCEL, LON, SPEED
-from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun, rows_tried
+from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel
 
@@ -50,11 +50,6 @@ class Manoeuvring(AroundAnother):
     true_per_s: float
     mean_s: float
     accel_std_mps2: float
-
-    @property
-    def rows_tried(self) -> tuple[int, ...]:
-        """The inner model's, and whether it holds its acceleration."""
-        return (*rows_tried(self.inner), self.latent_size - 1)
 
     def without_limits(self) -> Manoeuvring:
         """Return the same around what the inner model says; see ``DrivesByLimits``."""

@@ -42,16 +42,6 @@ class TriesMore(Protocol):
         """
 
 
-def rows_tried(motion: MotionModel) -> tuple[int, ...]:
-    """Return the rows of the latents before a step that ``log_prior_over_tried`` looks at.
-
-    A model may name them by an attribute ``rows_tried``: the others are not kept when it rewrites the latents.
-    """
-    if isinstance(motion, TriesMore):
-        return tuple(getattr(motion, "rows_tried", range(motion.latent_size)))
-    return rows_tried(motion.inner) if isinstance(motion, BuildsOnAnother) else ()
-
-
 def log_prior_over_tried(
     motion: MotionModel, latents: FloatArray, after: FloatArray, surroundings: Surroundings, dt_s: float
 ) -> FloatArray:

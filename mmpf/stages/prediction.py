@@ -10,7 +10,7 @@ import numpy as np
 from mmpf.belief.mixture import Mixture
 from mmpf.motion.protocol import MotionModel, Surroundings, step_in_place
 from mmpf.motion.state import ACCEL, LAT_SPEED, SPEED
-from mmpf.motion.tries import log_prior_over_tried, rows_tried
+from mmpf.motion.tries import log_prior_over_tried
 from mmpf.numerics.arrays import BoolArray, Float32Array, FloatArray
 from mmpf.numerics.kernels import kernel
 from mmpf.numerics.normals import standard_normals
@@ -61,9 +61,7 @@ def bootstrap_proposal(
 
     The ratio in equation (10) is one, but for what the model says that its particles try more often than vehicles do.
     """
-    before = np.empty_like(latents)
-    for row in rows_tried(motion):
-        before[row] = latents[row]
+    before = latents.copy()
     moved = step_in_place(motion, state, latents, surroundings, dt_s, rng)
     if not np.isfinite(moved.sum()):
         raise ValueError(f"motion model {motion.name}: propagate returned a state that is not finite")

@@ -120,7 +120,6 @@ class LearnedDriver:
         goes_on: Whether who has no leader goes on as it does, its acceleration fading, since nothing is known of the
             speed that it desires; roads only slow it down.
         name: Name in the registry.
-        rows_tried: See ``mmpf.motion.tries.rows_tried``.
         spreads_speed: Its accelerations are drawn, with each driver's habits, as widely as they were recorded; see
             ``mmpf.motion.protocol.spreads_speed``.
     """
@@ -130,7 +129,6 @@ class LearnedDriver:
     changes_lanes: bool = True
     goes_on: bool = False
     name: str = "gmm"
-    rows_tried: ClassVar[tuple[int, ...]] = (INTENTION, TARGET)
     spreads_speed: ClassVar[bool] = True
 
     @property

@@ -7,11 +7,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from mmpf.motion.doubting import Doubting
 from mmpf.motion.learned.driver import INTENTION, TARGET, LearnedDriver
 from mmpf.motion.manoeuvring import HOLDS, Manoeuvring
 from mmpf.motion.protocol import MotionModel, motion_models
-from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun, rows_tried
+from mmpf.motion.tries import log_prior_over_tried, log_ratio_of_begun
 from mmpf.numerics.arrays import FloatArray
 from tests.mmpf.motion.surroundings import around, states
 
@@ -60,18 +59,6 @@ def test_as_much_weight_is_in_lane_changes_as_drivers_change(name: str) -> None:
 def test_who_is_hidden_tries_nothing_and_keeps_its_weight(inner: str) -> None:
     _, weight = driven(manoeuvring(inner), 5, hidden=True)
     assert (weight == 1.0).all()
-
-
-@pytest.mark.parametrize("inner", ["cvm", "gmm", "residual"])
-def test_weights_depend_on_no_latents_before_a_step_but_those_that_a_model_names(inner: str) -> None:
-    model, state, rng = Doubting(manoeuvring(inner)), states(2000), np.random.default_rng(0)
-    state, latents = model.propagate(state, model.draw_latents(state, rng), around(state), DT_S, rng)
-    _, after = model.propagate(state, latents, around(state), DT_S, rng)
-    named, rows = np.full_like(latents, np.nan), list(rows_tried(model))
-    named[rows] = latents[rows]
-    weights = [log_prior_over_tried(model, before, after, around(state), DT_S) for before in (latents, named)]
-    assert len(np.unique(weights[0])) > 1
-    np.testing.assert_array_equal(*weights)
 
 
 def test_a_model_that_draws_from_its_prior_weighs_nothing() -> None:
