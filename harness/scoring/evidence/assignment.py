@@ -28,7 +28,11 @@ def best_assignment(left: IntArray, right: IntArray, score: FloatArray) -> BoolA
     chosen = alone.copy()
     contested = np.flatnonzero(~alone)
     if len(contested):
-        chosen[contested] = _solve_components(left[contested], right[contested], score[contested])
+        label = components(left[contested], right[contested])
+        order = np.argsort(label, kind="stable")
+        starts = np.flatnonzero(np.diff(label[order])) + 1
+        for pairs in np.split(contested[order], starts):
+            chosen[pairs] = solve_dense(left[pairs], right[pairs], score[pairs])
     return chosen
 
 
@@ -59,34 +63,3 @@ def solve_dense(left: IntArray, right: IntArray, score: FloatArray) -> BoolArray
     taken = np.zeros(gain.shape, dtype=bool)
     taken[rows, columns] = True
     return taken[row, column]
-
-
-def _solve_components(left: IntArray, right: IntArray, score: FloatArray) -> BoolArray:
-    label = components(left, right)
-    order = np.argsort(label, kind="stable")
-    left, right, score, label = left[order], right[order], score[order], label[order]
-    row, row_start = _places_within(left, label)
-    column, column_start = _places_within(right, label)
-    pair_start = np.append(np.flatnonzero(np.append(True, label[1:] != label[:-1])), len(label))
-    partner = np.full(row_start[-1], -1)
-    for component in range(len(pair_start) - 1):
-        pairs = slice(pair_start[component], pair_start[component + 1])
-        rows = row_start[component + 1] - row_start[component]
-        columns = column_start[component + 1] - column_start[component]
-        gain = np.zeros((rows, columns))
-        gain[row[pairs], column[pairs]] = score[pairs]
-        best_rows, best_columns = linear_sum_assignment(gain, maximize=True)
-        partner[row_start[component] + best_rows] = best_columns
-    chosen = np.zeros(len(left), dtype=bool)
-    chosen[order] = partner[row_start[label] + row] == column
-    return chosen
-
-
-def _places_within(item: IntArray, label: IntArray) -> tuple[IntArray, IntArray]:
-    """Number the items of each component from 0; return each pair's number and where each component starts."""
-    items, first, place = np.unique(item, return_index=True, return_inverse=True)
-    by_label = np.argsort(label[first], kind="stable")
-    start = np.append(0, np.cumsum(np.bincount(label[first])))
-    rank = np.empty(len(items), dtype=np.int64)
-    rank[by_label] = np.arange(len(items))
-    return rank[place] - start[label], start
