@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from harness.scoring.evidence.matching import find_track_rows
 from harness.scoring.evidence.rows import RunRows, TruthRows
@@ -73,11 +74,11 @@ def on_right_route(rows: RunRows, onset: IntArray, back: IntArray, judged: IntAr
     place = find_track_rows(rows, truth.step[judged], track)
     right = np.zeros(len(onset), dtype=np.bool_)
     for event in np.flatnonzero((place >= 0) & (track >= 0)):
-        at = np.array([tracks.lon_m[place[event]], tracks.lat_m[place[event]]])
+        at = shapely.Point(tracks.lon_m[place[event]], tracks.lat_m[place[event]])
         row = judged[event]
-        away_m = np.hypot(at[0] - truth.lon_m[row], at[1] - truth.lat_m[row])
-        way = _way(truth, int(onset[event]), int(back[event]))
-        right[event] = away_m < FOLLOW_CUTOFF_M and distance_to_line(at, way) <= ON_ROUTE_M
+        away_m = np.hypot(at.x - truth.lon_m[row], at.y - truth.lat_m[row])
+        way = shapely.LineString(_way(truth, int(onset[event]), int(back[event])))
+        right[event] = away_m < FOLLOW_CUTOFF_M and at.distance(way) <= ON_ROUTE_M
     return right
 
 
@@ -91,14 +92,6 @@ def _way(truth: TruthRows, onset: int, back: int) -> FloatArray:
     ends = truth.direction_rad[kept[[0, -1]]]
     reach = FOLLOW_CUTOFF_M * np.stack([np.cos(ends), np.sin(ends)], axis=-1)
     return np.concatenate([line[:1] - reach[:1], line, line[-1:] + reach[1:]])
-
-
-def distance_to_line(place: FloatArray, line: FloatArray) -> float:
-    """Return how far a place, shape (2,), is from a line through points, shape (k, 2)."""
-    start, step = line[:-1], np.diff(line, axis=0)
-    length = np.maximum((step**2).sum(axis=1), 1e-12)
-    share = np.clip(((place - start) * step).sum(axis=1) / length, 0.0, 1.0)
-    return float(np.hypot(*(place - start - share[:, None] * step).T).min())
 
 
 @of_whole

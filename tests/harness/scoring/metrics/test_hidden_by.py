@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
-from harness.scoring.metrics.unseen_turns import distance_to_line
 from tests.harness.scoring.scenes import STEP_S, Scene, score_run
 
 STEPS = 100
@@ -99,13 +96,6 @@ def test_a_turn_that_is_hidden_for_less_than_two_seconds_is_no_unseen_one():
 def test_a_road_with_a_frame_of_its_own_has_no_routes():
     truth, detections, tracks = turning(True)
     assert "unseen_turns" not in score_run(truth.drop(columns="direction_rad"), detections, tracks).metrics
-
-
-def test_the_distance_to_a_way_is_that_to_its_nearest_point():
-    line = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 0.0], [10.0, 0.1], [10.0, 10.0]])
-    for place in ([4.0, 3.0], [13.0, 5.0], [-3.0, 4.0], [10.0, 10.0], [10.2, 0.05]):
-        dense = np.concatenate([np.linspace(a, b, 20001) for a, b in pairwise(line)])
-        assert distance_to_line(np.array(place), line) == pytest.approx(np.hypot(*(dense - place).T).min(), abs=1e-3)
 
 
 def test_a_vehicle_on_a_roundabout_counts_there_whichever_way_it_turns():
