@@ -17,18 +17,14 @@ SAFE_DECEL_MPS2 = 4.0
 """Braking that a gap may ask of the ego and of the vehicle behind it (Kesting, Treiber and Helbing 2007)."""
 
 
-def desired_speeds(belief: Belief, parameters: IdmParameters = PARAMETERS) -> FloatArray:
-    """Return the speed that the driver wants at each step: the limit where there is one, shape (n,)."""
+def free_acceleration(belief: Belief, speed_mps: FloatArray) -> FloatArray:
+    """Return the acceleration on a free road, up to its limit where there is one, shape (n,)."""
     limit = belief.speed_limit_mps
-    return np.where(np.isfinite(limit), limit, parameters.desired_speed_mps)
+    desired = np.where(np.isfinite(limit), limit, PARAMETERS.desired_speed_mps)
+    return np.asarray(PARAMETERS.max_accel_mps2 * (1.0 - (speed_mps / desired) ** PARAMETERS.exponent))
 
 
-def free_acceleration(speed_mps: FloatArray, desired_mps: FloatArray, parameters: IdmParameters) -> FloatArray:
-    """Return the acceleration on a free road, shape (n,)."""
-    return np.asarray(parameters.max_accel_mps2 * (1.0 - (speed_mps / desired_mps) ** parameters.exponent))
-
-
-def interaction(speed_mps: FloatArray, other: Others, parameters: IdmParameters) -> FloatArray:
+def interaction(speed_mps: FloatArray, other: Others, parameters: IdmParameters = PARAMETERS) -> FloatArray:
     """Return the braking, positive, caused by one vehicle ahead; 0 where there is none, shape (n,)."""
     scale = 2.0 * np.sqrt(parameters.max_accel_mps2 * parameters.comfortable_decel_mps2)
     closing = speed_mps * (speed_mps - other.speed_mps) / scale
@@ -37,17 +33,17 @@ def interaction(speed_mps: FloatArray, other: Others, parameters: IdmParameters)
     return np.asarray(parameters.max_accel_mps2 * (wanted / gap) ** 2)
 
 
-def following(belief: Belief, leader: Others, parameters: IdmParameters = PARAMETERS) -> FloatArray:
+def following(belief: Belief, leader: Others) -> FloatArray:
     """Return the ego's acceleration behind a vehicle, no harder than a car can brake, shape (n,)."""
-    free = free_acceleration(belief.speed_mps, desired_speeds(belief, parameters), parameters)
-    return np.maximum(free - interaction(belief.speed_mps, leader, parameters), -HARDEST_BRAKING_MPS2)
+    free = free_acceleration(belief, belief.speed_mps)
+    return np.maximum(free - interaction(belief.speed_mps, leader), -HARDEST_BRAKING_MPS2)
 
 
 def follower_acceleration(belief: Belief, follower: Others, ahead: Others | None) -> FloatArray:
     """Return the acceleration of a follower: the ego if ``ahead`` is None, else that vehicle, shape (n,)."""
     before = Others(follower.gap_m, belief.speed_mps, follower.body) if ahead is None else ahead
-    free = free_acceleration(follower.speed_mps, desired_speeds(belief), PARAMETERS)
-    return np.maximum(free - interaction(follower.speed_mps, before, PARAMETERS), -HARDEST_BRAKING_MPS2)
+    free = free_acceleration(belief, follower.speed_mps)
+    return np.maximum(free - interaction(follower.speed_mps, before), -HARDEST_BRAKING_MPS2)
 
 
 def safe_gap(belief: Belief, side: Beside) -> BoolArray:

@@ -8,32 +8,29 @@ estimation are left out: what is judged is the tracker, not the driver.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from harness.decisions.belief import LEADERS, Belief
-from harness.decisions.drivers.following import PARAMETERS, desired_speeds, free_acceleration, interaction, safe_gap
+from harness.decisions.drivers.following import PARAMETERS, free_acceleration, interaction, safe_gap
 from harness.decisions.drivers.protocol import Command
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2
 
 
-@dataclass(frozen=True)
 class HumanDriver:
-    """The multi-anticipative driver, which minds some vehicles ahead, at most as many as a belief holds."""
-
-    leaders: int = LEADERS
+    """The multi-anticipative driver, which minds as many vehicles ahead as a belief holds."""
 
     def command(self, belief: Belief) -> Command:
         """Return what it would do; see ``Driver``."""
-        spread = float(np.sqrt(sum(1.0 / j**2 for j in range(1, self.leaders + 1))))
+        spread = float(np.sqrt(sum(1.0 / j**2 for j in range(1, LEADERS + 1))))
         parameters = replace(
             PARAMETERS,
             time_headway_s=PARAMETERS.time_headway_s / spread,
             standstill_gap_m=PARAMETERS.standstill_gap_m / spread,
         )
-        accel = free_acceleration(belief.speed_mps, desired_speeds(belief), PARAMETERS)
-        for j in range(self.leaders):
+        accel = free_acceleration(belief, belief.speed_mps)
+        for j in range(LEADERS):
             accel = accel - interaction(belief.speed_mps, belief.leaders.at(j), parameters)
         accel = np.maximum(accel, -HARDEST_BRAKING_MPS2)
         return Command(accel, safe_gap(belief, belief.left), safe_gap(belief, belief.right))
