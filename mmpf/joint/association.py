@@ -9,6 +9,9 @@ import numpy as np
 from mmpf.numerics.arrays import FloatArray
 from mmpf.numerics.kernels import kernel
 
+ROUNDS = 15
+"""Of message passing."""
+
 
 @dataclass(frozen=True)
 class Marginals:
@@ -25,9 +28,7 @@ class Marginals:
     probability: FloatArray
 
 
-def associate(
-    evidence: FloatArray, missed: FloatArray, birth_density: float, exclusive: bool = True, iterations: int = 15
-) -> Marginals:
+def associate(evidence: FloatArray, missed: FloatArray, birth_density: float, exclusive: bool = True) -> Marginals:
     """Return association marginals (Williams and Lau 2014; Meyer et al., Proc. IEEE 2018, eqs. 30-32).
 
     Args:
@@ -36,13 +37,12 @@ def associate(
         birth_density: b: weight of "the detection is a newborn vehicle" against clutter.
         exclusive: Whether a detection may come from one component only. If not, each component takes every
             detection as if it were alone, as in probabilistic data association.
-        iterations: Rounds of message passing.
     """
     components, detections = evidence.shape
     detection_message = np.full((components, detections), 1.0 / (1.0 + birth_density))
     if exclusive:
         component_message = np.zeros((components, detections))
-        _pass_messages(evidence, missed, birth_density, iterations, component_message, detection_message)
+        _pass_messages(evidence, missed, birth_density, component_message, detection_message)
     else:
         component_message = evidence / missed[:, None]
     nothing_else = 1.0 + birth_density
@@ -65,13 +65,12 @@ def _pass_messages(
     evidence: FloatArray,
     missed: FloatArray,
     birth_density: float,
-    iterations: int,
     to_detection: FloatArray,
     to_component: FloatArray,
 ) -> None:
     """Update the messages, each of shape (m, d); initially no detection sends any and components send equal ones."""
     components, detections = evidence.shape
-    for _ in range(iterations):
+    for _ in range(ROUNDS):
         for t in range(components):
             total = missed[t]
             for j in range(detections):

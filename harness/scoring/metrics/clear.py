@@ -36,11 +36,11 @@ class ClearScores:
         return (self.matches - self.false_tracks - self.id_switches) / truths if truths and tracks else 0.0
 
 
-def clear(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearScores:
-    """Score a sequence by matches of at least the threshold, equal to TrackEval's ``CLEAR``."""
+def clear(sequence: MotSequence) -> ClearScores:
+    """Score a sequence by matches of at least ``GATE_SIMILARITY``, equal to TrackEval's ``CLEAR``."""
     truths, tracks = len(sequence.truth_step), len(sequence.track_step)
     scan = _scan_numbers(sequence)
-    found = clear_matches(sequence, threshold)
+    found = clear_matches(sequence)
     again = np.diff(sequence.truth_identity[found.truth]) == 0
     switches = len(found.switches(sequence))
     fragmentations = int((again & (np.diff(scan[found.truth]) > 1)).sum())
@@ -61,10 +61,10 @@ class ClearMatches:
         return np.flatnonzero(again & (np.diff(sequence.track_identity[self.track]) != 0)) + 1
 
 
-def clear_matches(sequence: MotSequence, threshold: float = GATE_SIMILARITY) -> ClearMatches:
+def clear_matches(sequence: MotSequence) -> ClearMatches:
     """Match a sequence as CLEAR does."""
     order = np.lexsort((sequence.truth_step, sequence.truth_identity))
-    track_row = _match(sequence, threshold, _row_one_scan_before(sequence, _scan_numbers(sequence), order))[order]
+    track_row = _match(sequence, _row_one_scan_before(sequence, _scan_numbers(sequence), order))[order]
     return ClearMatches(order[track_row >= 0], track_row[track_row >= 0])
 
 
@@ -85,12 +85,12 @@ def _row_one_scan_before(sequence: MotSequence, scan: IntArray, order: IntArray)
     return before
 
 
-def _match(sequence: MotSequence, threshold: float, row_before: IntArray) -> IntArray:
+def _match(sequence: MotSequence, row_before: IntArray) -> IntArray:
     """Match scan by scan, keeping a vehicle's match of the scan before where it may; return track rows, shape (n,).
 
     Pairs without a rival are matched whatever happened before, so only the contested ones are gone through in order.
     """
-    gated = np.flatnonzero(sequence.pair_similarity >= threshold - np.finfo(float).eps)
+    gated = np.flatnonzero(sequence.pair_similarity >= GATE_SIMILARITY - np.finfo(float).eps)
     truth, track = sequence.pair_truth[gated], sequence.pair_track[gated]
     similarity = sequence.pair_similarity[gated]
     track_row = np.full(len(sequence.truth_step), -1)

@@ -29,7 +29,7 @@ def pairs_within(away_m: FloatArray, gate_m: float) -> tuple[IntArray, IntArray]
     return rows[near], columns[near]
 
 
-def origins(drive: Drive, gate_m: float = GATE_M) -> IntArray:
+def origins(drive: Drive) -> IntArray:
     """Return the row of the label that each detection is of, ``NOTHING`` of a false one, shape (d,).
 
     What is labelled but no vehicle takes detections too: a box on a tram is not false.
@@ -44,6 +44,6 @@ def origins(drive: Drive, gate_m: float = GATE_M) -> IntArray:
             drive.given.x_m[given][:, None] - drive.labels.x_m[labels],
             drive.given.y_m[given][:, None] - drive.labels.y_m[labels],
         )
-        found, label = pairs_within(away, gate_m)
+        found, label = pairs_within(away, GATE_M)
         origin[given_starts[step] + found] = label_starts[step] + label
     return origin
