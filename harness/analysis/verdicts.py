@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.analysis.rules import Rules
+from harness.analysis.rules import STEP_TIME, Rules
 from harness.common.effects import LEVEL, Effect
 from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import is_from_outside
@@ -95,12 +95,11 @@ def judge(measured: Sequence[MetricDifference], rules: Rules | None = None) -> l
     """
     rules = rules or Rules()
     # Equal bytes are no sample: nothing has changed, however few runs there are.
-    changed = {each.label for each in measured if each.pairs and not each.same}
+    changed = {_part(each) for each in measured if each.pairs and not each.same}
     tested = [each if rules.judges(each.quantity) and not _unknown(each, changed) else None for each in measured]
-    worse = np.array(
-        [np.nan if each is None else _p_of_worse(each) if each.label in changed else 1.0 for each in tested]
-    )
-    still = np.array([each is not None and each.label not in changed for each in tested], dtype=bool)
+    still = np.array([each is not None and _part(each) not in changed for each in tested], dtype=bool)
+    worse = np.array([np.nan if each is None else _p_of_worse(each) for each in tested])
+    worse[still] = 1.0
     better = np.where(still, 1.0, 1.0 - worse)
     corrected = np.where(worse <= better, holm(worse), holm(np.where(np.isnan(worse), np.nan, better)))
     tests = max(1, int(np.isfinite(corrected).sum()))
@@ -108,6 +107,11 @@ def judge(measured: Sequence[MetricDifference], rules: Rules | None = None) -> l
         _verdict(each, rules, p, tests, _unknown(each, changed))
         for each, p in zip(measured, corrected.tolist(), strict=True)
     ]
+
+
+def _part(measured: MetricDifference) -> tuple[str, bool]:
+    """Return whose metric it is, and whether it is a time, which differs between equal runs too."""
+    return measured.label, measured.quantity.key == STEP_TIME.key
 
 
 def _p_of_worse(measured: MetricDifference) -> float:
@@ -127,9 +131,9 @@ def _possible(measured: MetricDifference) -> tuple[float, float]:
     return least - measured.a, quantity.most - measured.a
 
 
-def _unknown(measured: MetricDifference, changed: Collection[str]) -> str:
+def _unknown(measured: MetricDifference, changed: Collection[tuple[str, bool]]) -> str:
     """Return why a difference's scatter is not known; empty where it is."""
-    if measured.label not in changed or not measured.pairs:
+    if _part(measured) not in changed or not measured.pairs:
         return ""
     if not np.isfinite(measured.effect.se):
         return TOO_FEW
@@ -138,7 +142,7 @@ def _unknown(measured: MetricDifference, changed: Collection[str]) -> str:
         return TOO_FEW
     fewest = FEWEST_EQUAL if measured.effect.difference == 0.0 else FEWEST_SHIFTED
     if measured.effect.se == 0.0 and measured.effect.units < fewest:
-        return "all differences are equal, so their scatter is unknown"
+        return f"all differences are equal, and fewer than {fewest} do not tell their scatter"
     return ""
 
 

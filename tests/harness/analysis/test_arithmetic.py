@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from harness.analysis.arms import Arms, Layout, lost_values, measure, pair
-from harness.analysis.rules import Rules
+from harness.analysis.rules import STEP_TIME, Rules
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, MetricDifference, judge
 from harness.common.effects import MOST_UNITS, Effect, neighbours_effect, paired_effect, unpaired_effect
 from harness.scoring.metrics.quantity import Quantity
@@ -216,7 +216,9 @@ def test_the_level_is_shared_by_all_that_are_tested_and_by_nothing_else():
 )
 def test_equal_differences_tell_their_scatter_only_where_there_are_enough(difference, units, unknown):
     (verdict,) = judge([measured(difference, 0.0, units)], RULES)
-    assert verdict.wanting == ("all differences are equal, so their scatter is unknown" if unknown else "")
+    fewest = 8 if difference == 0.0 else 3
+    told = f"all differences are equal, and fewer than {fewest} do not tell their scatter"
+    assert verdict.wanting == (told if unknown else "")
     assert (verdict.verdict == UNDECIDED) == unknown
     assert np.isnan(verdict.ci95).all() == unknown
     assert verdict.more_units is None
@@ -241,6 +243,13 @@ def test_runs_of_which_every_value_is_the_same_are_no_worse_and_one_that_differs
     assert (verdict.verdict, verdict.p, verdict.wanting, nothing.verdict) == (NO_WORSE, 1.0, "", UNTESTED)
     other = measured(1.0, 0.1, quantity=Quantity("else", "else"))
     assert judge([*same, other], RULES)[0].wanting == "too few to tell"
+
+
+def test_the_time_of_a_step_differs_between_equal_runs_and_is_judged_alone():
+    time = measured(50.0, 0.1, quantity=STEP_TIME)
+    assert [each.verdict for each in judge([measured(0.0, NAN, 1.0, same=True), time], RULES)] == [NO_WORSE, WORSE]
+    same = measured(0.0, NAN, 1.0, quantity=STEP_TIME, same=True)
+    assert [each.verdict for each in judge([measured(9.0, 0.1), same], RULES)] == [WORSE, NO_WORSE]
 
 
 def runs(*rows: tuple, columns=("density", "seed")) -> pd.DataFrame:
