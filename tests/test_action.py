@@ -1,7 +1,5 @@
 """The action that compares a tracker with its baseline: its own shell lines, run on two folders."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

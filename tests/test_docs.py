@@ -1,7 +1,5 @@
 """The pages of the documentation: those that list what the code declares are current, and every example is valid."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands that README and tutorials show run, and print the output that stands below them."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Reference tables are made by one command from a clean tree, taken up again where that is honest, and checked."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -3,8 +3,6 @@
 It tells of each case before and after it, a line of JSON each, on the file that it is given.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import json
 import os

@@ -1,7 +1,5 @@
 """The kinds of input that are spoilt: each makes files in a folder and returns the command that reads them."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

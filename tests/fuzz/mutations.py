@@ -1,7 +1,5 @@
 """Ways to spoil texts, bytes and tables, each decided by a generator of random numbers."""
 
-from __future__ import annotations
-
 import gzip
 import os
 import random

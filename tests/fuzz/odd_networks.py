@@ -1,7 +1,5 @@
 """Fifty-odd networks that are broken or strange, each a variant of a small crossing or a few edges drawn here."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

@@ -5,8 +5,6 @@ them to begin. To the file that ``HARNESS_FUZZ_REPORT`` names a line of JSON is 
 whether an accepted one is nonsense is for a reader to say.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections import Counter

@@ -1,7 +1,5 @@
 """Networks that are broken or strange give a run or one clear line: never a traceback, a crash or a hang."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.fuzz.odd_networks import EXPECTED, ODD, chosen

@@ -1,7 +1,5 @@
 """Cases that are tried in child processes: one that hangs or dies costs its case, and another goes on behind it."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """A disk that is full from one write on, for whatever is written whole under another name and renamed."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Iterator

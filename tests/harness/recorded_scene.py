@@ -6,8 +6,6 @@ ahead of it from 2 s on, and is given up at 3 s; track 3 follows *far* from 4.3 
 range all the time.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A small world for tests of the loop: cars at constant speed, the real sensor, and a tracker without memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Every wrong argument of a call from Python is an ``InputError`` of one line."""
 
-from __future__ import annotations
-
 import pytest
 
 import harness

@@ -1,7 +1,5 @@
 """Ends on demand: ``python -m tests.kill --kills 40 --seed 1 [--dask]``; exit code 1 if anything was lost."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Starts ``run``, ``stress``, ``drive`` and ``score``, ends them at a random moment, and looks at what is left."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

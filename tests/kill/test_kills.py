@@ -1,7 +1,5 @@
 """A few seeded ends; more on demand: ``python -m tests.kill --kills 40 --seed 1``."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.kill.killing import kill_often

@@ -1,7 +1,5 @@
 """Small scenes with a known answer for the filter's tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The prior update: particles moved by the model, and the noise that the filter adds to its prediction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Named things are imported when they are asked for, and a name that leads nowhere is answered in one line."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Neither update rule leans on the other's settings; what both use is in a group of its own."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields
 

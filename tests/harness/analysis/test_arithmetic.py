@@ -1,7 +1,5 @@
 """Numbers of comparisons held against scipy and plain sums, and verdicts exactly at their thresholds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """What a comparison says, word for word: on the page, in a comment, and on the screen."""
 
-from __future__ import annotations
-
 from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import MOST_MOMENTS, as_markdown, conclusion, print_comparison
 from harness.analysis.rules import Rules

@@ -1,7 +1,5 @@
 """Curves and breaking points of tables whose answers are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

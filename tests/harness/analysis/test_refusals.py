@@ -1,7 +1,5 @@
 """What a comparison shows and refuses, from made-up rows of runs."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

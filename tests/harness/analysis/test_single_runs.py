@@ -1,7 +1,5 @@
 """Two single runs, vehicle by vehicle: six cars under two trackers, with what is told of both."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A grid's tables and curves hold what its points hold, in words and numbers that are known beforehand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

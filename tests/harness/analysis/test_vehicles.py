@@ -1,7 +1,5 @@
 """Each vehicle's part in a run's metric: the metric itself, its derivative, and who drives beside whom."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

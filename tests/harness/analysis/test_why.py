@@ -1,7 +1,5 @@
 """Every switch and every lost track has one cause, and the causes add up."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

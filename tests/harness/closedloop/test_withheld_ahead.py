@@ -1,7 +1,5 @@
 """Is the vehicle right ahead of a driven ego withheld?"""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Declared numbers are checked as a plain loop over the rows checks them; messages name column, row and value."""
 
-from __future__ import annotations
-
 import math
 from contextlib import nullcontext
 

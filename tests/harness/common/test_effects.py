@@ -1,7 +1,5 @@
 """Differences and their intervals: independent arithmetic, and the coverage that they claim."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """Intervals hold what can be, are never certain of what was not seen, and cover what they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

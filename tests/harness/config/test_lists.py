@@ -1,7 +1,5 @@
 """Lists of values as they are typed."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Trackers that fail in the ways that a grid must outlive."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,7 +1,5 @@
 """What runs a grid's cells here: on stand-in traffic, or not at all."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

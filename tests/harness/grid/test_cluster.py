@@ -1,7 +1,5 @@
 """A real scheduler and two real workers on loopback, one of which is killed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """What is asked of a cluster and made of its answers; the cluster is one of this process."""
 
-from __future__ import annotations
-
 import sys
 from types import SimpleNamespace
 

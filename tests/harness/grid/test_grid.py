@@ -1,7 +1,5 @@
 """From the user's lists to cells and runs."""
 
-from __future__ import annotations
-
 from harness.grid.cells import labels_markdown
 from harness.grid.grid import GridRequest, plan_grid
 

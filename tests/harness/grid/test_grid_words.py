@@ -1,7 +1,5 @@
 """What a user writes becomes these runs, options and keys, or one of these lines of what is wrong with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Traffic that is simulated once for several sensors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

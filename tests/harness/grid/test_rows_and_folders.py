@@ -1,7 +1,5 @@
 """Rows of a grid as files and columns, its folder, and the command that makes a run again."""
 
-from __future__ import annotations
-
 import os
 
 import pandas as pd

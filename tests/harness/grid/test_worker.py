@@ -1,7 +1,5 @@
 """What a worker reports of a cell, run here, and what it leaves of a run that is kept."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The recorded scene as a finished run, and a real browser, without a screen and without a network."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

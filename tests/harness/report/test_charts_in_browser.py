@@ -1,7 +1,5 @@
 """Charts in a real browser: drawn offline, told when pointed at, leading to what they are made of."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 

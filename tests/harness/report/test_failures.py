@@ -1,7 +1,5 @@
 """The failures of a run's page: which come first, what is said of each, and where the replay shows it."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

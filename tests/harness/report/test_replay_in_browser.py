@@ -1,7 +1,5 @@
 """The page in a real browser, without a screen and without a network."""
 
-from __future__ import annotations
-
 import time
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Two trackers side by side in a real browser: one clock, one camera, and the way from difference to difference."""
 
-from __future__ import annotations
-
 import pytest
 
 from harness.analysis.compare import compare

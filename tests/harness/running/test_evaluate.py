@@ -1,7 +1,5 @@
 """One evaluation for all: the same run whether it is in memory or written as it goes on."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

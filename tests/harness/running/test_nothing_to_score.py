@@ -1,7 +1,5 @@
 """A run without anything to be scored on is none: numbers over nothing are worse than no numbers."""
 
-from __future__ import annotations
-
 import pytest
 
 from harness.common.errors import InputError

@@ -1,7 +1,5 @@
 """Traffic, detections and, on processors of the level x86-64-v3, tracks are the same bytes on another processor."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

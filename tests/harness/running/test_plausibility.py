@@ -1,7 +1,5 @@
 """What can be read and is unlikely is told of; a plain scene is not."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 

@@ -1,7 +1,5 @@
 """What is kept of a run of where unseen vehicles are expected."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Small synthetic runs for the scoring tests."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

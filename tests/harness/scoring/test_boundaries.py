@@ -1,7 +1,5 @@
 """Rules of the scores exactly at their boundaries, and their numbers by hand on scenes of a few rows."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The numbers of an error table."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from harness.scoring.evidence.errors import error_arrays

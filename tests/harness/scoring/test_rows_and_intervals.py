@@ -1,7 +1,5 @@
 """Tables read as arrays, and the intervals of scores, by hand on a few rows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Who counts in ``mot`` and in ``mot_all``."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

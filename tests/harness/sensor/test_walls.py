@@ -1,7 +1,5 @@
 """What buildings hide: against dense ray casting."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """New components: where their particles are drawn, what they are given, and names that no other ever had."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

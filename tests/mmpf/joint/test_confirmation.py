@@ -1,7 +1,5 @@
 """What lies in the ego's path is reported with any probability; elsewhere a component must be a probable vehicle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

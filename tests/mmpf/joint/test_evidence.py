@@ -1,7 +1,5 @@
 """The joint update's sums over particles, against plain double loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A sensor with hardly any noise: its detections fall between the particles, and must not scatter the cloud."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

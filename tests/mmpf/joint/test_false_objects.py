@@ -1,7 +1,5 @@
 """What is learned of false objects and vehicles, against populations whose figures are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

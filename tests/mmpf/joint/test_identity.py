@@ -1,7 +1,5 @@
 """A component confirmed where a hidden one may be takes its name, and each name is borne once."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Room beside seen vehicles: what a hidden particle loses by standing where another vehicle is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

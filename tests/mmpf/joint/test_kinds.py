@@ -1,7 +1,5 @@
 """The posterior over kinds of source, against Bayes' rule in plain loops over all cases."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

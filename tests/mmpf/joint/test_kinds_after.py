@@ -1,7 +1,5 @@
 """What a scan makes of existence and kind, against all cases enumerated, and in scenes of one or two components."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Likelihoods of detections against scipy's normal densities, and which pairs the gate lets through."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

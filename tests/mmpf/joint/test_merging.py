@@ -1,7 +1,5 @@
 """Two components for one vehicle become one, under the name that was reported first."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations
 

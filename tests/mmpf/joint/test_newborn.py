@@ -1,7 +1,5 @@
 """The prior of a new source's kind: by where it appears, and by how many false objects there were."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The noise of each component's detections is what its innovations say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

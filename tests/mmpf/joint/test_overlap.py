@@ -1,7 +1,5 @@
 """Bodies that touch while they pass each other or lie on the ego, against draws and a pass that is summed up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The joint rule stage by stage: existence, weights, births, removals, confirmation, against formulas by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

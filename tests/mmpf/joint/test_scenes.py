@@ -1,7 +1,5 @@
 """The joint rule end to end: runs of misses, false objects that stay, clutter that no data sheet told of."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What speeds say of the kind of a source: of standing, of moving once, and of stopping amid flowing traffic."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

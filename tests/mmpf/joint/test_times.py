@@ -1,7 +1,5 @@
 """Times are times: a filter that is given half as many scans a second takes no longer to make up its mind."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Small lane graphs with known shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph

@@ -1,7 +1,5 @@
 """Doubts of what is ahead: how they are spread, how long they last, and what a filter learns by them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

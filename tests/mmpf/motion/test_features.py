@@ -1,7 +1,5 @@
 """What the learned driver sees: by definition, and alike in training and in use."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Without a map a vehicle goes where it points, and its drift turns it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What particles try more often than vehicles do weighs the less, so that nothing is gained or lost on the whole."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np

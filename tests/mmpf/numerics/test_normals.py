@@ -1,7 +1,5 @@
 """The bulk normal numbers against the normal distribution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

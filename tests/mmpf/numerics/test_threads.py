@@ -1,7 +1,5 @@
 """Work shared out to several cores covers everything once, and changes no byte of the result."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What a setting is: its meaning at run time, its unit, its dotted key."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import pytest

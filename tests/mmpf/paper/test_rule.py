@@ -1,7 +1,5 @@
 """The paper's rule: what it reads from the road, and where its charitable reading departs from the literal one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The noise that the filter adds to a motion model's prediction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

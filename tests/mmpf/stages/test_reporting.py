@@ -1,7 +1,5 @@
 """What is reported of each component: its state word, mean and spread, or nothing at all."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov

@@ -1,7 +1,5 @@
 """The compiled surroundings against a plain reading of their definition, one particle at a time."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The field of view: who is outside of it can't be seen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

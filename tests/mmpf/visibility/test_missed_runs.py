@@ -1,7 +1,5 @@
 """Runs of misses: the two-state chain beside each component, against its generator and against all of its paths."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

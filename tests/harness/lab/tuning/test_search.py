@@ -1,7 +1,5 @@
 """The search finds a known optimum, counts no refused setting, and writes what it found."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Tracks and vehicles as bodies that a driver may believe in: their lengths, directions and speeds by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

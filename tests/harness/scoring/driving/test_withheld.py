@@ -1,7 +1,5 @@
 """A vehicle in plain view that the tracker withholds is a missed braking, however gently the recorded ego braked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

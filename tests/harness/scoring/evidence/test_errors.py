@@ -1,7 +1,5 @@
 """Who is scored by which track, on scenes that a reader can check by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

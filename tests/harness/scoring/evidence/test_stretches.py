@@ -1,7 +1,5 @@
 """A run that is scored stretch by stretch has the scores of the same run in one piece."""
 
-from __future__ import annotations
-
 import copy
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """The stated existence against what is there, on tracks whose share of real ones is chosen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

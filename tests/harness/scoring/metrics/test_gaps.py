@@ -1,7 +1,5 @@
 """Identity after gaps in real detections, of moving and of parked vehicles apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Hidden vehicles are told apart by what hides them, a vehicle or a wall, and by whether their track took their way."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What hidden vehicles cost, against every assignment tried one by one."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

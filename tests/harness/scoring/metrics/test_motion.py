@@ -1,7 +1,5 @@
 """Quality of motion on tracks whose motion has a closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Occlusion events on scenes that a reader can check by hand: seen for 3 s, hidden, seen again."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Scores at the end of times for which vehicles were hidden on purpose, in a scene small enough to work out by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A quantity is found in the content of a metrics.json by its dotted key."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

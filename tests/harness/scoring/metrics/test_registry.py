@@ -1,7 +1,5 @@
 """Metrics are registered once, under a name of their own, and none moves another's numbers."""
 
-from __future__ import annotations
-
 import copy
 import re
 from pathlib import Path

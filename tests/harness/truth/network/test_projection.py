@@ -1,7 +1,5 @@
 """Where a place lies on the lanes, against distances to every piece of every lane that another library works out."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A T-crossing as a CommonRoad scenario: two lanes eastwards, one westwards, and a stem to the south."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A small scene of cars at constant speed, and files of it in every layout that is read."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Recordings of roads that lead several ways: lanelets as lanes in the plane, and vehicles as they drove on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

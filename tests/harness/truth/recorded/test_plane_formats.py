@@ -1,7 +1,5 @@
 """Formats whose vehicles drive in the plane: PandaSet, ScenarioNet, GPUDrive."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Real recordings, where they are there: read exactly, nobody left out, and driven from end to end."""
 
-from __future__ import annotations
-
 import csv
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Traffic in a window: what is checked before one opens, how its end is told, and that it changes nothing."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

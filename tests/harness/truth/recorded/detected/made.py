@@ -5,8 +5,6 @@ drives 15 m ahead of it at the same speed, a pedestrian stands at the right. The
 10 to step 24, and there is one false detection in each step.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The lanes of an Argoverse 2 log are the road: a lane with another beside it, and two ways across a junction."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """KITTI tracking's files become truth in one plane, and detections that know what they are of."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
