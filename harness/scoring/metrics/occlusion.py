@@ -9,7 +9,6 @@ import numpy as np
 
 from harness.scoring.evidence.events import OcclusionEvents
 from harness.scoring.evidence.rules import MEMORY_S, TIME_TOLERANCE_S
-from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import joined, of_any, ratio
 from harness.scoring.metrics.quantity import Quantity, of_kinds
 
@@ -32,11 +31,6 @@ QUANTITIES = (
         Quantity("same_id_percent", "same identity{}, %", True, decimals=0, weight="events"),
     ),
 )  # fmt: skip
-
-
-def measure_events(evidence: Evidence) -> OcclusionEvents:
-    """Return the events of a stretch."""
-    return evidence.events
 
 
 def occlusion_outcomes(parts: Sequence[OcclusionEvents], _: np.random.Generator) -> dict[str, object]:

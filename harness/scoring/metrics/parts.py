@@ -22,7 +22,7 @@ ROWS = {"rows": True}
 
 @dataclass(frozen=True)
 class InParts(Generic[Part]):
-    """A metric that needs no more than one stretch of a run at a time; called with evidence it scores that alone.
+    """A metric that needs no more than one stretch of a run at a time.
 
     A stretch is one or more whole episodes, so that no vehicle and no track goes from one stretch to another.
 
@@ -34,10 +34,6 @@ class InParts(Generic[Part]):
 
     measure: Callable[[Evidence], Part]
     total: Callable[[Sequence[Part], np.random.Generator], Mapping[str, object]]
-
-    def __call__(self, evidence: Evidence) -> Mapping[str, object]:
-        """Score evidence that is a whole run."""
-        return self.total([self.measure(evidence)], np.random.default_rng(evidence.seed))
 
 
 def of_whole(

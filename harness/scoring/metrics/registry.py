@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -38,7 +39,7 @@ from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import TABLES
 from mmpf.registry import Registry
 
-Score = Callable[[Evidence], Mapping[str, object]]
+Score = Callable[[Evidence], Mapping[str, object]] | InParts[Any]
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ register("mot", *mot.IN_SIGHT)(InParts(mot.measure_in_sight, mot.multi_object_sc
 register("mot_all", *mot.REMEMBERED)(InParts(mot.measure_remembered, mot.multi_object_scores))
 register("gospa", *gospa.IN_SIGHT)(InParts(gospa.measure_in_sight, gospa.gospa_of_steps))
 register("gospa_remembered", *gospa.REMEMBERED)(InParts(gospa.measure_remembered, gospa.gospa_of_steps))
-register("occlusion", *occlusion.QUANTITIES)(InParts(occlusion.measure_events, occlusion.occlusion_outcomes))
+register("occlusion", *occlusion.QUANTITIES)(InParts(attrgetter("events"), occlusion.occlusion_outcomes))
 register(in_plain_view.NAME, *in_plain_view.QUANTITIES)(
     InParts(in_plain_view.measure_plain_view, in_plain_view.scores_in_plain_view)
 )
@@ -138,13 +139,10 @@ def view(keys: Iterable[str], changed: Mapping[str, Mapping[str, Any]] = Mapping
 
 
 def score_metrics(evidence: Evidence) -> dict[str, Any]:
-    """Return the table of every metric under its key; nan becomes None."""
-    return _plain({name: metric.score(evidence) for name, metric in METRICS.in_order().items()})
-
-
-def _plain(tables: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
-    plain: dict[str, Any] = without_nan({name: table for name, table in tables.items() if table})
-    return plain
+    """Return the table of every metric of a run that is one stretch; see ``Totals.metrics``."""
+    totals = Totals(evidence.seed)
+    totals.add(evidence)
+    return totals.metrics()
 
 
 @dataclass
@@ -180,12 +178,14 @@ class Totals:
 
     def metrics(self) -> dict[str, Any]:
         """Return the table of every metric under its key; nan becomes None."""
-        tables: dict[str, Mapping[str, object]] = {}
+        tables: dict[str, Any] = {}
         for name, metric in METRICS.in_order().items():
             score, parts = metric.score, self._parts[name]
             rng = np.random.default_rng(self.seed)
-            tables[name] = score.total(parts, rng) if isinstance(score, InParts) else parts[0]
-        return _plain(tables)
+            table = score.total(parts, rng) if isinstance(score, InParts) else parts[0]
+            if table:
+                tables[name] = without_nan(table)
+        return tables
 
 
 def completed(scores: Mapping[str, Any]) -> dict[str, Any]:
