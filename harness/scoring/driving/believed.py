@@ -24,16 +24,13 @@ HEADING_S, HEADING_M = 0.5, 0.5
 
 def egos_of(truth: pd.DataFrame, rows: RunRows) -> tuple[Egos, BoolArray]:
     """Return the ego at each step, shape (steps,), and the steps with an ego; elsewhere its place is nan."""
-    table = truth[truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step")
-    steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
-    at = np.searchsorted(steps, table["step"].to_numpy(dtype=np.int64))
-    there = np.zeros(len(rows.time_s), dtype=bool)
-    there[at] = True
+    there = rows.ego_row >= 0
+    table = truth.iloc[rows.ego_row[there]]
 
     def column(name: str, missing: float) -> FloatArray:
-        values = np.full(len(rows.time_s), missing)
+        values = np.full(len(there), missing)
         if name in table:
-            values[at] = table[name].to_numpy(dtype=np.float64)
+            values[there] = table[name].to_numpy(dtype=np.float64)
         return values
 
     egos = Egos(

@@ -11,7 +11,7 @@ from harness.scoring.evidence.directions import along_and_across
 from harness.scoring.evidence.history import DetectionHistory
 from harness.scoring.evidence.matching import Matching
 from harness.scoring.evidence.pairs import similarity
-from harness.scoring.evidence.rows import RunRows
+from harness.scoring.evidence.rows import RunRows, label_codes
 from harness.storage.schema import HIDDEN, MATCHED_BY, OUT, OUTCOMES, VISIBILITY_STATES
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
@@ -106,9 +106,9 @@ def error_arrays(errors: pd.DataFrame) -> ErrorArrays:
     return ErrorArrays(
         vehicle=episode * (int(names.max(initial=0)) + 1) + names,
         absolute=np.abs(np.column_stack([errors[column].to_numpy(dtype=np.float64) for column in columns])),
-        state=_codes(errors["state"], VISIBILITY_STATES),
+        state=label_codes(errors["state"], VISIBILITY_STATES),
         seconds_hidden=errors["seconds_hidden"].to_numpy(dtype=np.float64),
-        outcome=_codes(errors["outcome"], OUTCOMES),
+        outcome=label_codes(errors["outcome"], OUTCOMES),
     )
 
 
@@ -134,7 +134,3 @@ def _of_track(values: FloatArray, track_row: IntArray) -> FloatArray:
 
 def _labels(codes: IntArray, names: tuple[str, ...]) -> pd.Categorical[str]:
     return pd.Categorical.from_codes(codes, categories=pd.Index(names))
-
-
-def _codes(labels: pd.Series[str], names: tuple[str, ...]) -> IntArray:
-    return pd.Categorical(labels, categories=list(names)).codes.astype(np.int64)

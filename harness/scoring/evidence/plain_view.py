@@ -42,7 +42,8 @@ class PlainView:
 def plain_view(truth: pd.DataFrame, rows: RunRows) -> PlainView:
     """Find the vehicle-steps in plain view in the table of truth, which has the ego's place."""
     vehicles = rows.truth
-    ego_lon, ego_lat = _ego_places(truth, rows)
+    places = (truth[name].to_numpy(dtype=np.float64) for name in ("lon_m", "lat_m"))
+    ego_lon, ego_lat = (np.append(place, np.nan)[rows.ego_row] for place in places)
     away_m = np.hypot(vehicles.lon_m - ego_lon[vehicles.step], vehicles.lat_m - ego_lat[vehicles.step])
     plain = vehicles.in_range & (vehicles.state == VISIBLE)
     near = plain & (away_m <= PLAIN_VIEW_M)
@@ -57,17 +58,6 @@ def plain_view(truth: pd.DataFrame, rows: RunRows) -> PlainView:
         step_s=durations(rows.time_s, rows.episode)[vehicles.step],
         names=truth["vehicle_id"].to_numpy(dtype=object)[vehicles.name_row[first]].astype(np.str_),
     )
-
-
-def _ego_places(truth: pd.DataFrame, rows: RunRows) -> tuple[FloatArray, FloatArray]:
-    """Return where the ego is at each step, nan at a step without one, two of shape (steps,)."""
-    egos = truth[truth["is_ego"].to_numpy(dtype=bool)].drop_duplicates("step")
-    steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
-    at = np.searchsorted(steps, egos["step"].to_numpy(dtype=np.int64))
-    places = np.full((2, len(rows.time_s)), np.nan)
-    for place, name in zip(places, ("lon_m", "lat_m"), strict=True):
-        place[at] = egos[name].to_numpy(dtype=np.float64)
-    return places[0], places[1]
 
 
 def begins(holds: BoolArray, vehicle: IntArray, step: IntArray) -> BoolArray:

@@ -108,6 +108,7 @@ class RunRows:
 
     Attributes:
         time_s: Time of each step, shape (steps,), as ``episode``.
+        ego_row: Row of the truth table that is the ego at each step, -1 at a step without one, shape (steps,).
         ego_direction_rad: Direction of the ego at each step, as that of ``TruthRows``, nan at a step without one, shape
             (steps,).
         has_headings: Whether directions are those in which vehicles point, or all that of the road's own frame.
@@ -121,6 +122,7 @@ class RunRows:
     truth: TruthRows
     detections: DetectionRows
     tracks: TrackRows
+    ego_row: IntArray
     ego_direction_rad: FloatArray
     has_headings: bool
     hidden_by_wall: BoolArray | None = None
@@ -158,8 +160,8 @@ def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
         nearest = nearest_row(found.step, found.lon_m, found.lat_m, *places)
         found = replace(found, direction_rad=direction[nearest])
     ego = np.flatnonzero(truth["is_ego"].to_numpy(dtype=bool))
-    ego_direction = np.full(len(steps), np.nan)
-    ego_direction[step_index[ego]] = direction[ego]
+    ego_row = np.full(len(steps), -1)
+    ego_row[step_index[ego]] = ego
     windows = _windows(truth, first_row)
     inside = _inside(_floats(truth, "lon_m"), windows, step_index)
     detected = np.zeros(len(rows), dtype=bool)
@@ -186,7 +188,8 @@ def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
         ),
         detections=found,
         tracks=_reported_tracks(tracks, steps, episodes, windows),
-        ego_direction_rad=ego_direction,
+        ego_row=ego_row,
+        ego_direction_rad=np.append(direction, np.nan)[ego_row],
         has_headings=has_headings,
         hidden_by_wall=_hidden_by_wall(truth, rows),
         on_roundabout=truth["on_roundabout"].to_numpy(dtype=bool)[rows] if "on_roundabout" in truth else None,
@@ -285,16 +288,18 @@ def _step_index(step: IntArray, steps: IntArray, table: str) -> IntArray:
     return index.astype(np.int64)
 
 
+def label_codes(labels: pd.Series[str], names: tuple[str, ...]) -> IntArray:
+    """Return each label's place among the names, shape (n,); -1 of one that is none of them."""
+    return pd.Index(names).get_indexer(pd.Index(labels)).astype(np.int64)
+
+
 def _state_codes(states: pd.Series[str], names: tuple[str, ...]) -> IntArray:
-    codes, values = pd.factorize(states)
-    table = np.zeros(len(values) + 1, dtype=np.int64)
-    for place, value in enumerate(values):
-        if value not in names:
-            raise ValueError(f"state {value!r} is none of {', '.join(names)}")
-        table[place] = names.index(value)
+    codes = label_codes(states, names)
     if (codes < 0).any():
-        raise ValueError(f"a state is missing; it must be one of {', '.join(names)}")
-    return table[codes]
+        wrong = states[codes < 0].iloc[0]
+        told = "a state is missing; it must be one" if pd.isna(wrong) else f"state {wrong!r} is none"
+        raise ValueError(f"{told} of {', '.join(names)}")
+    return codes
 
 
 def _floats(table: pd.DataFrame, column: str) -> FloatArray:
