@@ -12,6 +12,7 @@ from harness.analysis.mismatch_cost import STOPPED, STOPPED_NOTE
 from harness.analysis.pooled import Mean
 from harness.common.markdown import PagePart, markdown_page, markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
+from harness.scoring.metrics.registry import is_from_outside
 from harness.storage.schema import NET
 
 NAMES = {NET: "network"}
@@ -131,6 +132,7 @@ ROUTE_NOTE = (
     "again and just before?"
 )
 PLAIN_NOTE = "Vehicles in plain view within 60 m, detected or not: do they have a track (docs/explanation/scores.md)?"
+OWN_NOTE = "Your own metrics:"
 PSEUDO_NOTE = "Vehicles hidden on purpose, when the time ends (docs/explanation/scores.md):"
 THEMES = {
     **dict.fromkeys(("hidden", "gospa_remembered"), HIDDEN_NOTE),
@@ -152,7 +154,8 @@ def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:
     themes: dict[str, list[Quantity]] = {HIDDEN_NOTE: [], FOLLOWED_NOTE: [], REST_NOTE: []}
     for quantity in table_quantities():
         if not quantity.is_of_some_runs or quantity.key in metrics:
-            themes.setdefault(THEMES.get(quantity.metric, REST_NOTE), []).append(quantity)
+            note = OWN_NOTE if is_from_outside(quantity) else THEMES.get(quantity.metric, REST_NOTE)
+            themes.setdefault(note, []).append(quantity)
     return list(themes.items())
 
 

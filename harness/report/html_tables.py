@@ -13,7 +13,16 @@ from markupsafe import Markup, escape
 
 from harness.common.error_text import shown
 from harness.common.numbers import number
-from harness.report.summary import MAE_COLUMNS, VISIBILITY_ROWS, followed, mot_columns, mot_value, other_scores
+from harness.report.summary import (
+    MAE_COLUMNS,
+    SCORE_HEADINGS,
+    VISIBILITY_ROWS,
+    followed,
+    mot_columns,
+    mot_value,
+    other_scores,
+    own_scores,
+)
 from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.scoring.metrics import registry
 from harness.storage.grid_folder import flattened
@@ -74,9 +83,14 @@ def mot_table(metrics: Mapping[str, Any]) -> Markup:
     columns = mot_columns()
     rows = [[name, *(mot_value(metrics, key, column) for column in columns)] for key, name in MOT_ROWS]
     table = html_table(["vehicles", *(column.heading for column in columns)], rows)
-    others = [*other_scores(metrics), *_unknown_scores(metrics)]
     next_box = Markup("</div>\n<div class='scroll'>")
-    return table + next_box + html_table(["score", "value", "better", "samples"], others) if others else table
+    return table + next_box + html_table(SCORE_HEADINGS, other_scores(metrics))
+
+
+def own_table(metrics: Mapping[str, Any]) -> Markup | None:
+    """Return the scores of the user's own metrics; None without any."""
+    own = [*own_scores(metrics), *_unknown_scores(metrics)]
+    return html_table(SCORE_HEADINGS, own) if own else None
 
 
 def _unknown_scores(metrics: Mapping[str, Any]) -> list[list[str]]:

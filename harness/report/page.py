@@ -17,7 +17,7 @@ from harness.common.charts import Charts
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.report.failures import brakings_of, failures_of
-from harness.report.html_tables import error_table, hidden_table, mot_table, vehicle_table
+from harness.report.html_tables import error_table, hidden_table, mot_table, own_table, vehicle_table
 from harness.report.key_figures import key_figures, key_table
 from harness.report.replay_data import SecondRun, replay_data
 from harness.report.run_charts import OVER_TIME, diagnostics_charts, diagnostics_of, error_charts, visibility_charts
@@ -95,6 +95,7 @@ def run_page(run: RecordedRun) -> str:
         error_table=error_table(run.metrics["mae"]),
         hidden_table=hidden_table(run.metrics["mae"]),
         mot_table=mot_table(run.metrics),
+        own_table=own_table(run.metrics),
         config_text=(run.folder / runfolder.CONFIG).read_text(encoding="utf-8").strip(),
         facts=_facts(run.manifest),
         vehicles=vehicle_table(run.errors, run.events, run.step_s),

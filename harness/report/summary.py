@@ -40,6 +40,8 @@ IN_WORDS: Mapping[str, Mapping[str, Any]] = {
     "calibration.anees.visible": {"label": "ANEES of tracks on vehicles that are not hidden"},
     "calibration.anees.hidden": {"label": "ANEES of tracks on hidden vehicles"},
 }
+SCORE_HEADINGS = ("score", "value", "better", "samples")
+OWN_METRICS = "Your own metrics"
 OUT_OF = {"missed": "truth_n", "false_tracks": "tracks_n"}
 """What counts are out of, beside them in ``metrics.json``."""
 
@@ -61,11 +63,19 @@ def mot_value(metrics: Mapping[str, Any], vehicles: str, column: Quantity) -> st
 
 def other_scores(metrics: Mapping[str, Any], listed: Sequence[str] = REPORTED) -> list[list[str]]:
     """Return name, value, better direction and number of samples of the other scores of a list."""
-    shown = {quantity.key for quantity in mot_columns()}
-    others = [(quantity, quantity.of(metrics)) for quantity in view(listed, IN_WORDS) if quantity.key not in shown]
+    apart = {quantity.key for quantity in (*mot_columns(), *view(()))}
+    return _score_rows(metrics, [quantity for quantity in view(listed, IN_WORDS) if quantity.key not in apart])
+
+
+def own_scores(metrics: Mapping[str, Any]) -> list[list[str]]:
+    """Return the same of the metrics that the user has written."""
+    return _score_rows(metrics, view(()))
+
+
+def _score_rows(metrics: Mapping[str, Any], quantities: Sequence[Quantity]) -> list[list[str]]:
     return [
         [quantity.label, number(value, quantity.decimals), quantity.better, _samples(quantity, metrics)]
-        for quantity, value in others
+        for quantity, value in ((quantity, quantity.of(metrics)) for quantity in quantities)
         if value is not None or not quantity.is_of_some_runs
     ]
 
@@ -85,7 +95,8 @@ def print_summary(metrics: Mapping[str, Any], folder: Path, *, is_log: bool = Fa
             Text(f"\n{title} · seed {run['seed']}", style="bold"),
             _error_table(metrics["mae"]),
             _mot_table(metrics),
-            _table("Hidden vehicles", ("score", "value", "better", "samples"), other_scores(metrics, PRINTED)),
+            _table("Hidden vehicles", SCORE_HEADINGS, other_scores(metrics, PRINTED)),
+            *([_table(OWN_METRICS, SCORE_HEADINGS, own)] if (own := own_scores(metrics)) else []),
             _lines(metrics, is_log),
             Text(f"Results: {folder}", style="bold"),
             Text(f"Open in a browser: {folder / 'report.html'}"),

@@ -63,10 +63,10 @@ def test_it_is_in_a_runs_metrics_and_on_its_page(tmp_path):
     folder = run(config, out=tmp_path / "run", draw=drawing, open_snapshots=snapshots).folder
     value = json.loads((folder / "metrics.json").read_text())["toy"]["tracks"]
     assert value == len(pd.read_parquet(folder / "tracks.parquet")) / STEPS > 0.0
-    assert (
-        f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td><td>higher</td>"
-        in (folder / "report.html").read_text()
-    )
+    row = f"<tr><th scope='row'>tracks a step</th><td>{value:.2f}</td><td>higher</td>"
+    before, heading, below = (folder / "report.html").read_text().partition("<h3>Your own metrics</h3>")
+    assert row in below.partition("</table>")[0], heading
+    assert row not in before
 
 
 def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a_comparison(finished, tmp_path):
@@ -74,7 +74,7 @@ def test_it_has_a_column_a_curve_and_a_panel_in_a_stress_test_and_a_verdict_in_a
     assert rows["toy.tracks"].gt(0.0).all()
     (point,) = (point for point in finished.points if point.metric == "toy.tracks")
     assert point.mean == pytest.approx(rows["toy.tracks"].mean())
-    assert "| tracks a step |" in (finished.folder / "table.md").read_text()
+    assert "Your own metrics:\n\n| tracker | density | tracks a step |" in (finished.folder / "table.md").read_text()
     assert list((finished.folder / "figures").glob("*.png"))
 
     grid, fewer = open_source(str(finished.folder), "compare"), tmp_path / "fewer"
