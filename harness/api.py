@@ -293,7 +293,6 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
 
         if values["video"] is not None:
             video.check_film(values["video"], values["force"])
-            opening.check_one_road(config)
         if values["gui"]:
             opening.check_gui(config)
         finished = running.run(

@@ -9,7 +9,6 @@ from typing import Any
 
 import matplotlib.patheffects as path_effects
 import numpy as np
-import pandas as pd
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection, PolyCollection
@@ -22,7 +21,6 @@ from harness.common.palette import BLUE, ELLIPSE_SCALE, GREEN, ORANGE, PURPLE, V
 from harness.sensor.observation import Observation
 from harness.sensor.shadows import sensor_position, shadow_polygons
 from harness.storage.schema import HIDDEN, OUT, PARTIAL, VISIBLE
-from harness.storage.tables import floats
 from harness.truth.frame import Frame
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
@@ -186,16 +184,6 @@ def _wall_shadows(ego: EgoPose, road: Road, range_m: float) -> Iterator[FloatArr
         swept = wrapped(first - last)
         arc = last + swept * np.linspace(0.0, 1.0, 25)
         yield sensor + np.concatenate([ends, range_m * np.stack([np.cos(arc), np.sin(arc)], axis=-1)])
-
-
-def corners(truth: pd.DataFrame) -> FloatArray:
-    """Return the corners of the vehicles of truth rows in the road frame, shape (n, 4, 2)."""
-    columns = ("lon_m", "lat_m", "heading_rad", "length_m", "width_m")
-    lon, lat, heading, length, width = (floats(truth, column)[:, None] for column in columns)
-    along = 0.5 * length * np.array([1.0, -1.0, -1.0, 1.0])
-    across = 0.5 * width * np.array([1.0, 1.0, -1.0, -1.0])
-    cosine, sine = np.cos(heading), np.sin(heading)
-    return np.stack([lon + along * cosine - across * sine, lat + along * sine + across * cosine], axis=-1)
 
 
 def in_road_frame(outline: FloatArray, road: Road, origin: float) -> FloatArray:

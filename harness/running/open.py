@@ -158,12 +158,6 @@ def check_gui(config: RunConfig) -> None:
     check_window()
 
 
-def check_one_road(config: RunConfig) -> None:
-    """Refuse to film a network of many roads, which no film shows, before its traffic is simulated."""
-    if config.replay is None and load_network(config.traffic.net).corridor is None:
-        raise InputError(f"`video`: films show one road from above, and {config.traffic.net} has many; leave it out")
-
-
 def check_named_code(config: RunConfig) -> None:
     """Use what is named once as a check, so that a wrong name or option is reported before traffic is simulated."""
     import_metrics(config)

@@ -43,7 +43,6 @@ def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:
         (["study", "ablation", "--out", str(ROOT / "README.md" / "study")], "--out"),
         (["study", "ablation", "--particles", "50"], "--particles"),
         (["study", "situations", "--real-data", "here", "--seeds", "0:1"], "--seeds"),
-        (["run", "--net", "junction", "--video", "film.mp4"], "--video"),
         (["drive", "--timeout-per-run", "1e999"], "--timeout-per-run"),
         (["run", "--set", "nonsense"], "--set"),
         (["run", "--unknown"], "--unknown"),

@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from harness.common.exit_codes import WRONG_INPUT
 from harness.export.curves import curves_of
 from harness.export.formats import export_run
 from harness.export.sizes import track_sizes
+from harness.report import video
 from harness.report.video import write_video
 from harness.running.finished import read_recorded_run
 from harness.storage.lock import LOCK
@@ -407,29 +409,23 @@ def test_a_format_whose_extra_is_missing_names_it(name, package, folder, monkeyp
 
 @pytest.mark.slow
 def test_the_film_has_a_picture_for_each_step_and_one_that_fails_leaves_nothing(folder, tmp_path, monkeypatch):
-    drawn = pytest.importorskip("harness.report.film", reason="the extra video is not installed", exc_type=ImportError)
+    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra video is not installed")
     film = write_video(folder, tmp_path / "run.mp4")
-    assert drawn.imageio_ffmpeg.count_frames_and_secs(str(film)) == (STEPS, pytest.approx(STEPS * 0.1, abs=0.1))
-    assert next(drawn.imageio_ffmpeg.read_frames(str(film)))["size"] == (drawn.WIDTH, drawn.HEIGHT)
+    assert ffmpeg.count_frames_and_secs(str(film)) == (STEPS, pytest.approx(STEPS * 0.1, abs=0.1))
     with pytest.raises(InputError, match="`force`"):
         write_video(folder, film)
-    monkeypatch.delattr(drawn, "draw_frame")
+    monkeypatch.delattr(video, "scene_figure")
     with pytest.raises(NameError):
         write_video(folder, film, force=True)
     assert not [*tmp_path.glob(".*")]
 
 
-def test_of_numbers_that_would_overlap_a_film_shows_the_one_nearest_to_the_ego(folder):
-    drawn = pytest.importorskip("harness.report.film", reason="the extra video is not installed", exc_type=ImportError)
+def test_the_pictures_of_a_film_are_of_one_size_and_show_tracks_where_they_are(folder):
     run = read_recorded_run(folder)
-    truth, detections, tracks = (table[table["step"] == 5] for table in (run.truth, run.detections, run.tracks))
-
-    def picture(*numbers, apart_m=1.0):
-        placed = tracks.assign(lon_m=tracks["lon_m"].iloc[0] + [0.0, apart_m], track_id=numbers)
-        return drawn.draw_frame(run, truth, detections, placed).tobytes()
-
-    assert picture(111, 222) == picture(111, 777) != picture(333, 777)
-    assert picture(111, 222, apart_m=30.0) != picture(111, 777, apart_m=30.0)
+    moved = replace(run, tracks=run.tracks.assign(lon_m=run.tracks["lon_m"] + 5.0 * (run.tracks["step"] == 2)))
+    pictures, others = ([*itertools.islice(video.drawn_steps(each), 4)] for each in (run, moved))
+    assert len({picture.shape for picture in pictures}) == 1
+    assert [np.array_equal(*both) for both in zip(pictures, others, strict=True)] == [True, True, False, True]
 
 
 def test_a_film_that_cannot_be_written_is_refused_before_the_run(tmp_path, capsys):
