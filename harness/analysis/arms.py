@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from harness.analysis.verdicts import MetricDifference
-from harness.common.effects import paired_effect, unpaired_effect
+from harness.common.effects import in_proportion, paired_effect, unpaired_effect
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.schema import RECORDING
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
@@ -61,7 +61,7 @@ def measure(arms: Arms, tolerated_loss: float = 0.0) -> MetricDifference:
     a, b = arms.a[known_a], arms.b[known_b]
     totals = () if arms.totals is None else (arms.totals[0][known_a], arms.totals[1][known_b])
     if totals and all(total.sum() > 0.0 for total in totals):  # older rows lack the totals
-        a, b = _in_proportion(a, totals[0]), _in_proportion(b, totals[1])
+        a, b = in_proportion(a, totals[0]), in_proportion(b, totals[1])
     strata, units = ((pair[0][known_a], pair[1][known_b]) for pair in (layout.strata, layout.units))
     effect = paired_effect(a, b, strata[0], units[0]) if layout.paired else unpaired_effect(a, b, strata, units)
     return MetricDifference(
@@ -93,12 +93,6 @@ def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0
         return f"b lacks {lost} of the {int(a.sum())} values that a has"
     more = int((b & ~a).sum()) if paired and not tolerated else 0
     return f"a lacks {more} of the {int(b.sum())} values that b has" if more else ""
-
-
-def _in_proportion(ratios: FloatArray, totals: FloatArray) -> FloatArray:
-    """Return values, shape (n,), of which the mean is the ratio of all totals, and the scatter that of this ratio."""
-    together = (ratios * totals).sum() / totals.sum()
-    return np.asarray(together + (ratios - together) * totals / totals.mean())
 
 
 def _mean(values: FloatArray) -> float:

@@ -170,7 +170,8 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
             with np.errstate(divide="ignore", invalid="ignore"):
                 values[STEP_TIME] = [of_a / of_a, of_b / of_a]
         for quantity, (of_a, of_b) in values.items():
-            total = RATIO_TOTALS.get(quantity.key)
+            own = quantity.weight if quantity.is_counted and quantity.scale is None else ""
+            total = RATIO_TOTALS.get(quantity.key, own)
             totals = (column_of(matched[0], total), column_of(matched[1], total)) if total else None
             arms.append(Arms(label, quantity, of_a, of_b, pairing.layout, totals))
     if not any(len(arm.a) and len(arm.b) for arm in arms):

@@ -11,7 +11,7 @@ import numpy as np
 from harness.closedloop.beliefs import TRUTH
 from harness.closedloop.plan import CROSS, DARK, FREE, KIND, PROVOKED, STOPPED
 from harness.common.charts import Charts, curves, lines_of
-from harness.common.effects import paired_effect
+from harness.common.effects import in_proportion, paired_effect
 from harness.common.intervals import possible_ci
 from harness.common.markdown import markdown_table
 from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, KM, NO_CANDIDATE, QUANTITIES, TTC
@@ -127,23 +127,26 @@ def _groups(done: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def _score(belief: str, episodes: str, quantity: Quantity, rows: pd.DataFrame, truth: pd.DataFrame) -> Score:
-    values = column_of(rows, quantity.key)
-    known = np.isfinite(values)
-    seeds = rows["seed"].to_numpy(dtype=np.int64)
-    mean = float(values[known].mean()) if known.any() else None
+    known = rows[np.isfinite(column_of(rows, quantity.key))]
+    values, weight = column_of(known, quantity.key), _weight(known, quantity)
+    mean = float(np.average(values, weights=weight)) if len(known) else None
     excess, interval = _excess(rows, truth, quantity)
-    own = _ci(values, seeds, quantity, float(np.nansum(column_of(rows, KM))))
-    return Score(belief, episodes, quantity.key, int(known.sum()), mean, own, excess, interval)
+    own = _ci(values, weight, known["seed"].to_numpy(dtype=np.int64), quantity)
+    return Score(belief, episodes, quantity.key, len(known), mean, own, excess, interval)
+
+
+def _weight(rows: pd.DataFrame, quantity: Quantity, suffix: str = "") -> FloatArray:
+    """Return what each episode counts: for events a kilometre how far it drove."""
+    return column_of(rows, quantity.weight + suffix) if quantity.weight else np.ones(len(rows))
 
 
 def _ci(
-    values: FloatArray, seeds: np.ndarray[tuple[int], np.dtype[np.int64]], quantity: Quantity, km: float
+    values: FloatArray, weight: FloatArray, seeds: np.ndarray[tuple[int], np.dtype[np.int64]], quantity: Quantity
 ) -> tuple[float, float] | None:
-    known = np.isfinite(values)
-    place = np.unique(seeds[known], return_inverse=True)[1]
-    sums = np.bincount(place, weights=values[known]).astype(np.float64)
-    interval = possible_ci(sums, np.bincount(place).astype(np.float64), quantity.possible, km or None)
-    told = np.isfinite(interval.low) and (not sums.any() or interval.high <= WIDEST * sums.sum() / known.sum())
+    place = np.unique(seeds, return_inverse=True)[1]
+    sums, counts = (np.bincount(place, weights=each).astype(np.float64) for each in (weight * values, weight))
+    interval = possible_ci(sums, counts, quantity.possible)
+    told = np.isfinite(interval.low) and (not sums.any() or interval.high <= WIDEST * sums.sum() / counts.sum())
     return (interval.low, interval.high) if told else None
 
 
@@ -154,13 +157,16 @@ def _excess(
     if quantity.key in UNPAIRED or not len(truth):
         return None, None
     keys = ["seed", KIND]
-    columns = [*keys, quantity.key]
+    columns = list(dict.fromkeys([*keys, quantity.key, quantity.weight or quantity.key]))
     if quantity.key not in rows:
         return None, None
-    pairs = truth[columns].merge(rows[columns], on=keys, suffixes=("_truth", "")).dropna()
-    a, b = (pairs[name].to_numpy(dtype=np.float64) for name in (f"{quantity.key}_truth", quantity.key))
-    if not len(a):
+    pairs = truth[columns].merge(rows[columns], on=keys, suffixes=(None, "_b")).dropna()
+    if not len(pairs):
         return None, None
+    a, b = (
+        in_proportion(column_of(pairs, quantity.key + suffix), _weight(pairs, quantity, suffix))
+        for suffix in ("", "_b")
+    )
     stratum = np.unique(pairs[KIND].astype(str), return_inverse=True)[1].astype(np.int64)
     effect = paired_effect(a, b, stratum, pairs["seed"].to_numpy(dtype=np.int64))
     # What never differed may differ yet, and no difference leads out of what can be.

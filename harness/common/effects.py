@@ -108,6 +108,12 @@ def unpaired_effect(
     return Effect(means[1] - means[0], float(np.sqrt(variance)), freedom + 1.0)
 
 
+def in_proportion(ratios: FloatArray, totals: FloatArray) -> FloatArray:
+    """Return values, shape (n,), of which the mean is the ratio of all totals, and the scatter that of this ratio."""
+    together = (ratios * totals).sum() / totals.sum()
+    return np.asarray(together + (ratios - together) * totals / totals.mean())
+
+
 def neighbours_effect(difference: float, influence: FloatArray, closeness: FloatArray) -> Effect:
     """Return a difference over vehicles of one run, of which those that drive together are not independent.
 

@@ -40,12 +40,11 @@ class Possible:
 NONNEGATIVE, ANY = Possible(), Possible(-np.inf)
 
 
-def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible, exposure: float | None = None) -> Interval:
+def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible) -> Interval:
     """Return the 95 % interval of the ratio of two totals over independent clusters, of shape (clusters,).
 
-    ``counts`` are numbers of values, or weights; clusters of none count nothing. ``exposure`` is what events could
-    happen in, where that is not the total of counts. Bounds are nan with fewer than two clusters, or where nothing is
-    known of the scatter.
+    ``counts`` are numbers of values, or weights; clusters of none count nothing. Bounds are nan with fewer than two
+    clusters, or where nothing is known of the scatter.
     """
     known = counts > 0.0
     sums, counts = sums[known], counts[known]
@@ -69,11 +68,11 @@ def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible, exposu
         low, high = clopper_pearson(share, effective)
         return Interval(possible.most * low, possible.most * high)
     if possible.events and mean <= 0.0:
-        return Interval(0.0, -np.log(0.5 * LEVEL) * OVERDISPERSED / (possible.events * (exposure or total)))
+        return Interval(0.0, -np.log(0.5 * LEVEL) * OVERDISPERSED / (possible.events * total))
     if variance == 0.0:
         return NONE
     if possible.events:
-        events = min(mean**2 / variance, mean * possible.events * (exposure or total))
+        events = min(mean**2 / variance, mean * possible.events * total)
         low, high = garwood(few * events)
         return Interval(mean * low, mean * high)
     # A percentile bootstrap over few clusters is too narrow: it covers 74 % of 95 % with three of them.

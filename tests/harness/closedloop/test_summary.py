@@ -17,6 +17,7 @@ from harness.scoring.metrics.closedloop import (
     HARD_BRAKES,
     IMPACT,
     IN_TIME,
+    KM,
     NO_CANDIDATE,
     QUANTITIES,
     TTC,
@@ -31,7 +32,7 @@ def table_of(seeds=6, beliefs=("truth", "mmpf"), kinds=(FREE, BRAKE)):
     rows = [
         {"seed": seed, KIND: kind, "variant": belief, "succeeded": True, "error": None, ENDED: IN_TIME}
         | {quantity.key: float(rng.uniform(0.0, 5.0)) for quantity in OF_DRIVING}
-        | {COLLIDED: 0.0, IMPACT: np.nan, "episode.looked_through": 3.0}
+        | {COLLIDED: 0.0, IMPACT: np.nan, "episode.looked_through": 3.0, KM: float(rng.uniform(0.05, 0.4))}
         for seed in range(seeds)
         for kind in kinds
         for belief in beliefs
@@ -53,6 +54,17 @@ def test_the_truth_is_in_excess_of_itself_by_nothing():
     for score in [each for each in found if each.belief == "truth"]:
         assert score.excess in (0.0, None)
         assert score.excess_ci95 in ((0.0, 0.0), None)
+
+
+def test_hard_brakes_a_kilometre_are_all_brakes_over_all_kilometres_of_a_belief_and_of_the_truth():
+    table = table_of(seeds=20)
+    sums = table.assign(brakes=table[HARD_BRAKES] * table[KM]).groupby("variant")[["brakes", KM]].sum()
+    rate = sums["brakes"] / sums[KM]
+    score = one(summary.scores(table), "mmpf", HARD_BRAKES)
+    assert score.mean == pytest.approx(rate["mmpf"])
+    assert score.excess == pytest.approx(rate["mmpf"] - rate["truth"])
+    assert score.ci95[0] < score.mean < score.ci95[1]
+    assert score.excess_ci95[0] < score.excess < score.excess_ci95[1]
 
 
 def test_an_excess_is_the_mean_of_pairs_with_students_interval_over_seeds():
