@@ -14,7 +14,7 @@ from harness.common.charts import Charts, curves, lines_of
 from harness.common.effects import in_proportion, paired_effect
 from harness.common.intervals import possible_ci
 from harness.common.markdown import markdown_table
-from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, KM, NO_CANDIDATE, QUANTITIES, TTC
+from harness.scoring.metrics.closedloop import COLLIDED, ENDED, HARD_BRAKES, IMPACT, NO_CANDIDATE, QUANTITIES, TTC
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage.grid_folder import column_of
 from mmpf.numerics.arrays import FloatArray

@@ -47,7 +47,12 @@ def predict_constant_velocity(
 
 
 def update_variable(
-    states: GaussianStates, index: IntArray, variable: int, measured: FloatArray, std: FloatArray
+    states: GaussianStates,
+    index: IntArray,
+    variable: int,
+    measured: FloatArray,
+    std: FloatArray,
+    slope: FloatArray | float = 0.0,
 ) -> GaussianStates:
     """Update some vehicles by a direct measurement of one state variable.
 
@@ -55,12 +60,15 @@ def update_variable(
 
     Args:
         index: Which vehicles are measured, each at most once, shape (k,).
+        slope: Measured is the variable minus this times the longitudinal position, shape (k,).
     """
-    prior = taken(states, index)
-    cross = prior.covariance[:, :, variable]
-    gain = cross / (cross[:, variable] + std**2)[:, None]
+    prior, slope = taken(states, index), np.reshape(slope, (-1, 1))
+    cross = prior.covariance[:, :, variable] - slope * prior.covariance[:, :, LON]
+    variance = cross[:, [variable]] - slope * cross[:, [LON]] + np.reshape(std**2, (-1, 1))
+    gain = cross / variance
+    expected = prior.mean[:, [variable]] - slope * prior.mean[:, [LON]]
     mean, covariance = states.mean.copy(), states.covariance.copy()
-    mean[index] = prior.mean + gain * (measured - prior.mean[:, variable])[:, None]
+    mean[index] = prior.mean + gain * (measured[:, None] - expected)
     posterior = prior.covariance - gain[:, :, None] * cross[:, None, :]
     covariance[index] = 0.5 * (posterior + posterior.transpose(0, 2, 1))
     return replace(states, mean=mean, covariance=covariance)
@@ -75,8 +83,13 @@ def updated(states: GaussianStates, index: IntArray, detections: Detections, det
         detections: All detections.
         detection: Which of them, shape (k,).
     """
-    states = update_variable(states, index, LON, detections.lon_m[detection], detections.std_lon_m[detection])
-    states = update_variable(states, index, LAT, detections.lat_m[detection], detections.std_lat_m[detection])
+    lon_m, lat_m = detections.lon_m[detection], detections.lat_m[detection]
+    std_lon_m, std_lat_m = detections.std_lon_m[detection], detections.std_lat_m[detection]
+    correlation = np.zeros(len(lon_m)) if detections.correlation is None else detections.correlation[detection]
+    # What the two places' errors share is taken out of the second, so that the rest is independent of the first.
+    slope, rest = correlation * std_lat_m / std_lon_m, np.sqrt(1.0 - correlation**2)
+    states = update_variable(states, index, LON, lon_m, std_lon_m)
+    states = update_variable(states, index, LAT, lat_m - slope * lon_m, rest * std_lat_m, slope)
     has_speed = np.isfinite(detections.speed_mps[detection])
     measured, std = detections.speed_mps[detection], detections.std_speed_mps[detection]
     return update_variable(states, index[has_speed], SPEED, measured[has_speed], std[has_speed])
@@ -95,7 +108,9 @@ def newborn(detections: Detections, detection: IntArray, ego: EgoPose, options: 
     std_lat_speed = np.full(count, options.birth_lat_speed_std_mps)
     mean = np.column_stack([detections.lon_m[detection], speed, detections.lat_m[detection], np.zeros(count)])
     std = np.column_stack([detections.std_lon_m[detection], std_speed, detections.std_lat_m[detection], std_lat_speed])
-    return GaussianStates(mean, std[:, :, None] ** 2 * np.eye(4))
+    covariance = std[:, :, None] ** 2 * np.eye(4)
+    covariance[:, [LON, LAT], [LAT, LON]] = detections.covariance_m2[detection, 0, 1, None]
+    return GaussianStates(mean, covariance)
 
 
 def tracks_of(

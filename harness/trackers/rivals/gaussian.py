@@ -25,9 +25,10 @@ def pairs_of(mean: FloatArray, covariance: FloatArray, detections: Detections) -
     """
     off_lon = detections.lon_m - mean[:, LON, None]
     off_lat = detections.lat_m - mean[:, LAT, None]
-    lon_lon = covariance[:, LON, LON, None] + detections.std_lon_m**2
-    lat_lat = covariance[:, LAT, LAT, None] + detections.std_lat_m**2
-    lon_lat = covariance[:, LON, LAT, None]
+    noise_m2 = detections.covariance_m2
+    lon_lon = covariance[:, LON, LON, None] + noise_m2[:, 0, 0]
+    lat_lat = covariance[:, LAT, LAT, None] + noise_m2[:, 1, 1]
+    lon_lat = covariance[:, LON, LAT, None] + noise_m2[:, 0, 1]
     determinant = lon_lon * lat_lat - lon_lat**2
     squared = (lat_lat * off_lon**2 - 2.0 * lon_lat * off_lon * off_lat + lon_lon * off_lat**2) / determinant
     return squared, -0.5 * squared - 0.5 * np.log(determinant) - np.log(_TWO_PI)

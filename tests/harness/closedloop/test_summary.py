@@ -1,6 +1,5 @@
 """What a closed loop tells, from tables of rows that are made up."""
 
-import re
 from functools import cache
 
 import numpy as np
@@ -10,7 +9,6 @@ from scipy import stats
 
 from harness.closedloop import summary
 from harness.closedloop.plan import BRAKE, CROSS, FREE, KIND
-from harness.common.charts import draw_charts
 from harness.scoring.metrics.closedloop import (
     COLLIDED,
     ENDED,
@@ -85,20 +83,6 @@ def test_six_episodes_without_a_collision_are_no_certainty():
     assert (score.mean, score.ci95[0], score.excess, score.excess_ci95) == (0.0, 0.0, 0.0, None)
     # Six independent episodes.
     assert score.ci95[1] == pytest.approx(100.0 * (1.0 - 0.025 ** (1.0 / 6.0)))
-
-
-@pytest.mark.slow
-def test_the_axes_of_charts_follow_the_values_and_their_intervals(tmp_path):
-    found = [score for score in usual_scores() if score.metric in (TTC, HARD_BRAKES)]
-    charts = summary.drive_charts(found)
-    assert [name for name, _ in charts.lines] == ["all episodes, 12", "free episodes, 6", "provoked episodes, 6"]
-    draw_charts(charts, "drives", tmp_path / "drives.svg")
-    drawn = re.findall(
-        r"Y-axis for a linear scale with values from [0.]+ to ([\d.]+)", (tmp_path / "drives.svg").read_text()
-    )
-    for metric, most in zip((TTC, HARD_BRAKES), map(float, drawn), strict=True):
-        highest = max(score.ci95[1] for score in found if score.metric == metric)
-        assert highest <= most < 1.5 * highest
 
 
 def test_the_answer_names_collisions_and_what_came_close_to_one():
