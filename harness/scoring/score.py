@@ -59,7 +59,7 @@ class RunScorer:
         }
         if asked is not None and found is not None:
             tables[runfolder.BRAKINGS] = braking_table(truth, found, asked, rows, evidence.history)
-            tables[runfolder.COMMANDS] = command_table(truth, asked, rows)
+            tables[runfolder.COMMANDS] = command_table(asked, rows)
         return tables
 
     def metrics(self) -> dict[str, Any]:

@@ -133,14 +133,13 @@ def braking_table(
     visibility = np.full(len(brakings), "", dtype=object)
     visibility[some] = np.array(VISIBILITY_STATES, dtype=object)[rows.truth.state[brakings.truth_row[some]]]
     unseen = np.where(some, np.append(history.since_s, np.nan)[brakings.truth_row], np.nan)
-    steps = np.unique(truth["step"].to_numpy(dtype=np.int64))
     table = pd.DataFrame(
         {
             "kind": np.array(BRAKING_KINDS, dtype=object)[brakings.kind],
             "episode": rows.episode[brakings.first],
-            "from_step": steps[brakings.first],
-            "to_step": steps[brakings.last],
-            "step": steps[brakings.worst],
+            "from_step": rows.step[brakings.first],
+            "to_step": rows.step[brakings.last],
+            "step": rows.step[brakings.worst],
             "duration_s": rows.time_s[brakings.last] - rows.time_s[brakings.first] + asked.step_s[brakings.last],
             "truth_mps2": _rounded(asked.truth.command.accel_mps2[brakings.worst]),
             "tracks_mps2": _rounded(asked.tracks.command.accel_mps2[brakings.worst]),
@@ -154,12 +153,11 @@ def braking_table(
     return table.sort_values("from_step", kind="stable", ignore_index=True)
 
 
-def command_table(truth: pd.DataFrame, asked: Asked, rows: RunRows) -> pd.DataFrame:
+def command_table(asked: Asked, rows: RunRows) -> pd.DataFrame:
     """Return the table ``commands`` of ``harness.storage.schema``: what the driver would do at each step."""
-    steps, first = np.unique(truth["step"].to_numpy(dtype=np.int64), return_index=True)
     columns: dict[str, object] = {
-        "step": steps,
-        "time_s": truth["time_s"].to_numpy(dtype=np.float64)[first],
+        "step": rows.step,
+        "time_s": rows.time_s,
         "episode": rows.episode,
         "judged": asked.judged,
     }

@@ -70,8 +70,8 @@ def occlusion_events(rows: RunRows, matching: Matching) -> OcclusionEvents:
     old = matching.holder[onset]
     at_judgement = find_track_rows(rows, rows.truth.step[judged], old)
     at_return = find_track_rows(rows, rows.truth.step[back], old)
-    vehicle_then = np.where(at_judgement >= 0, _take(matching.truth_row, at_judgement), -1)
-    vehicle_at_return = np.where(at_return >= 0, _take(matching.truth_row, at_return), -1)
+    vehicle_then = np.append(matching.truth_row, -1)[at_judgement]
+    vehicle_at_return = np.append(matching.truth_row, -1)[at_return]
     same_id = (at_judgement >= 0) & (vehicle_then == judged)
     return OcclusionEvents(
         onset_row=onset,
@@ -136,7 +136,7 @@ def other_track_after(rows: RunRows, matching: Matching, events: OcclusionEvents
     judged = row_after(rows, events.return_row, EVENT_JUDGED_S)
     now = np.where(judged >= 0, matching.track_row[judged], -1)
     old = matching.holder[events.onset_row]
-    return np.asarray((old >= 0) & (now >= 0) & (_take(rows.tracks.track, now) != old))
+    return np.asarray((old >= 0) & (now >= 0) & (np.append(rows.tracks.track, -1)[now] != old))
 
 
 def row_after(rows: RunRows, row: IntArray, delay_s: float) -> IntArray:
@@ -152,7 +152,7 @@ def row_after(rows: RunRows, row: IntArray, delay_s: float) -> IntArray:
 
 def _reacquire_s(rows: RunRows, matching: Matching, back: IntArray, old: IntArray) -> FloatArray:
     truth = rows.truth
-    matched = np.where(matching.track_row >= 0, _take(rows.tracks.track, matching.track_row), -1)
+    matched = np.append(rows.tracks.track, -1)[matching.track_row]
     end = np.searchsorted(truth.vehicle, truth.vehicle[back], side="right")
     delay_s = np.full(len(back), np.nan)
     for event in np.flatnonzero(old >= 0):
@@ -168,7 +168,3 @@ def _track_ids(rows: RunRows, track: IntArray) -> IntArray:
     codes, first = np.unique(rows.tracks.track, return_index=True)
     numbers = np.append(rows.tracks.track_id[first], -1)
     return numbers[np.where(track >= 0, track, len(codes))]
-
-
-def _take(values: IntArray, place: IntArray) -> IntArray:
-    return values[place] if len(values) else np.full(len(place), -1)

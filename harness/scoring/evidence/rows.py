@@ -107,6 +107,7 @@ class RunRows:
     """A run as arrays.
 
     Attributes:
+        step: Number of each step in the tables, shape (steps,).
         time_s: Time of each step, shape (steps,), as ``episode``.
         ego_row: Row of the truth table that is the ego at each step, -1 at a step without one, shape (steps,).
         ego_direction_rad: Direction of the ego at each step, as that of ``TruthRows``, nan at a step without one, shape
@@ -117,6 +118,7 @@ class RunRows:
         on_roundabout: Whether each vehicle is on a roundabout, shape (n,) along ``truth``; None where none is known.
     """
 
+    step: IntArray
     time_s: FloatArray
     episode: IntArray
     truth: TruthRows
@@ -167,6 +169,7 @@ def read_run(truth: pd.DataFrame, detections: pd.DataFrame, tracks: pd.DataFrame
     detected = np.zeros(len(rows), dtype=bool)
     detected[found.truth_row[found.truth_row >= 0]] = True
     return RunRows(
+        step=steps,
         time_s=times,
         episode=episodes,
         truth=TruthRows(

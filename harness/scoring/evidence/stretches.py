@@ -1,4 +1,4 @@
-"""Unbroken runs of steps in which a condition holds, and those of a missed braking."""
+"""Unbroken runs of rows in which a condition holds, and those of a missed braking."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from harness.scoring.evidence.rules import DECISION_S, TIME_TOLERANCE_S
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 
 
-def stretches(holds: BoolArray, episode: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the first and the last step of each unbroken stretch of an episode in which something holds."""
-    goes_on = holds[1:] & holds[:-1] & (np.diff(episode) == 0)
+def stretches(holds: BoolArray, group: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the first and the last row of each unbroken stretch in which something holds of an episode or vehicle."""
+    goes_on = holds[1:] & holds[:-1] & (np.diff(group) == 0)
     first = np.flatnonzero(holds & ~np.append(False, goes_on)[: len(holds)])
     return first, np.flatnonzero(holds & ~np.append(goes_on, False)[: len(holds)])
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from harness.scoring.evidence.following import Following
-from harness.scoring.evidence.history import DetectionHistory
+from harness.scoring.evidence.history import DetectionHistory, first_of_group
 from harness.scoring.evidence.matching import Matching
 from harness.scoring.evidence.rows import RunRows
 from harness.scoring.evidence.rules import TIME_TOLERANCE_S
@@ -50,15 +50,13 @@ def count_unseen(
     """Count the vehicles that no track stands for on the stretches of a table."""
     truth = rows.truth
     counted = np.zeros(len(unseen))
-    times = unseen["time_s"].to_numpy(dtype=np.float64)
+    step = np.searchsorted(rows.time_s, unseen["time_s"].to_numpy(dtype=np.float64))
     lines = unseen[LINE].to_numpy(dtype=np.float64)
     unknown = np.flatnonzero(is_unknown(rows, history, matching, following))
     unknown = unknown[np.argsort(truth.step[unknown], kind="stable")]
-    begins = np.flatnonzero(np.append(True, times[1:] != times[:-1])) if len(times) else np.zeros(0, dtype=np.int64)
-    ends = np.append(begins, len(times))[1:]
-    for begin, end in zip(begins, ends, strict=True):
-        step = np.searchsorted(rows.time_s, times[begin])
-        first, last = np.searchsorted(truth.step[unknown], (step, step + 1))
+    begins = np.flatnonzero(first_of_group(step))
+    for begin, end in zip(begins, np.append(begins, len(step))[1:], strict=True):
+        first, last = np.searchsorted(truth.step[unknown], (step[begin], step[begin] + 1))
         there = unknown[first:last]
         if len(there):
             away = _distances(truth.lon_m[there], truth.lat_m[there], lines[begin:end])

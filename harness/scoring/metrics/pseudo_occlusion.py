@@ -18,6 +18,7 @@ from harness.scoring.evidence.events import row_after
 from harness.scoring.evidence.matching import find_track_rows
 from harness.scoring.evidence.rows import TruthRows
 from harness.scoring.evidence.rules import EVENT_JUDGED_S, FOLLOW_CUTOFF_M, TIME_TOLERANCE_S
+from harness.scoring.evidence.stretches import stretches
 from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.parts import ROWS, of_any, of_whole
 from harness.scoring.metrics.quantity import Quantity, of_kinds
@@ -104,12 +105,8 @@ def measure_pseudo_occlusions(evidence: Evidence) -> HiddenWindows | None:
 def _windows(truth: TruthRows, times: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the first and last row of each whole window whose vehicle is in range at its end, each shape (w,)."""
     length = truth.pseudo_hidden_s if truth.pseudo_hidden_s is not None else np.zeros(len(truth))
-    hidden = length > 0.0
     # A new window of the same vehicle begins after at least one step in view.
-    before = np.append(False, hidden[:-1] & (truth.vehicle[1:] == truth.vehicle[:-1]))
-    first = np.flatnonzero(hidden & ~before)
-    ends = np.append(hidden[1:] & (truth.vehicle[1:] == truth.vehicle[:-1]), False)
-    last = np.flatnonzero(hidden & ~ends)
+    first, last = stretches(length > 0.0, truth.vehicle)
     step_s = float(np.min(np.diff(times))) if len(times) > 1 else 0.0
     whole = truth.time_s[last] - truth.time_s[first] + step_s >= length[first] - step_s + TIME_TOLERANCE_S
     whole &= (first > 0) & truth.in_range[last]

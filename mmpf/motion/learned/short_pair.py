@@ -20,10 +20,6 @@ from mmpf.motion.state import LAT
 from mmpf.numerics.arrays import FloatArray
 
 
-def _counted_rates() -> LaneKeeper:
-    return LearnedDriver().model.keeper
-
-
 @dataclass(frozen=True)
 class ShortTermPair:
     """Lane keeping and lane change by the paper's own models; latents are a particle's lane-change intention.
@@ -38,7 +34,7 @@ class ShortTermPair:
 
     keeping: MotionModel = field(default_factory=short_term_driver)
     changer: LaneChanger = field(default_factory=LaneChanger)
-    rates: LaneKeeper = field(default_factory=_counted_rates)
+    rates: LaneKeeper = field(default_factory=lambda: LearnedDriver().model.keeper)
     name: str = "gsm"
     latent_size: int = 2
 
