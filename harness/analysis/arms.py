@@ -1,7 +1,5 @@
 """Pairs the runs of two grids; the values of a metric in both arms of a comparison, and their difference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ steps that tracker and reference both follow, their errors can be set beside eac
 the reference is the true state extrapolated, over the windows at whose end the tracker follows the vehicle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import partial
 

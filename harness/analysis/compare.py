@@ -1,7 +1,5 @@
 """Compares two runs or two grids of runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any

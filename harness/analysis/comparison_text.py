@@ -1,7 +1,5 @@
 """A comparison as Markdown for a comment, and as a coloured table for the terminal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Charts of a grid: a curve per tracker over what was varied; points link to their runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Each tracker's curves over every varied setting, with intervals over seeds, and where each tracker fails."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

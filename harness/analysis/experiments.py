@@ -1,7 +1,5 @@
 """Whether two folders hold the same experiment: which settings, code and model files differ."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The outcome of a comparison for CI: as JUnit XML and as a short summary."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from urllib.parse import quote

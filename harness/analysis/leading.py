@@ -1,7 +1,5 @@
 """The outcome of a stress test in one sentence: which tracker is ahead, where and by how much."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What each mismatch between world and tracker costs, over the worlds of ``harness.grid.worlds``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, field
 

@@ -1,7 +1,5 @@
 """Scores of each tracker pooled over all recordings of a folder, with intervals over the recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

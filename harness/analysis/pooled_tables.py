@@ -1,7 +1,5 @@
 """The pooled scores as Markdown."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import astuple
 

@@ -1,7 +1,5 @@
 """What is judged of a comparison and how strictly: in general, and as the file of a gate says it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Compares two single runs on the same traffic, vehicle by vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

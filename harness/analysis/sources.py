@@ -1,7 +1,5 @@
 """The two sides of a comparison: the rows of a run folder or a stress folder, or of one tracker in it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

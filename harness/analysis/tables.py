@@ -1,7 +1,5 @@
 """The tables of a grid: Markdown for a file, rich text for the terminal."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 from collections.abc import Collection, Sequence

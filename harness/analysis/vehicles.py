@@ -6,8 +6,6 @@ go by and swap their tracks with one another, so they are no independent samples
 that they drive near each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

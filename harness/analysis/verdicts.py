@@ -5,8 +5,6 @@ tests of worse and better share one level of 5 % by Holm's method; that of no wo
 metrics have to pass it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

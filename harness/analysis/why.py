@@ -9,8 +9,6 @@ Causes are told from what every tracker reports, tracks and nothing of its insid
 - *re-identification*: it lives on nothing, and the vehicle came back from out of sight under another name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from urllib.parse import quote

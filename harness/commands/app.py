@@ -6,8 +6,6 @@ A command's module is imported only when that command is called, so ``--help`` a
 help: lines of at most 78 characters, examples indented by two under a line "Examples:".
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

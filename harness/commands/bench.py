@@ -1,7 +1,5 @@
 """``bench``: how long trackers take."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, TypedDict
 

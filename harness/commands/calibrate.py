@@ -1,7 +1,5 @@
 """``calibrate``: fit drivers and demands to measurements at a network's site."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated, TypedDict

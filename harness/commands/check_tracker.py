@@ -1,7 +1,5 @@
 """``check-tracker``: check that a tracker does what the tracker protocol requires."""
 
-from __future__ import annotations
-
 from typing import Annotated, TypedDict
 
 from harness.config.options import Option

@@ -1,7 +1,5 @@
 """``compare``: whether one run, or grid of runs, is better or worse than another."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, TypedDict
 

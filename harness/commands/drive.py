@@ -1,7 +1,5 @@
 """``drive``: let the ego drive by what trackers report, and count collisions and hard brakings."""
 
-from __future__ import annotations
-
 from harness.closedloop.options import DriveOptions
 from harness.commands.from_options import tell_end, typed
 from harness.config import options as shared

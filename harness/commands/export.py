@@ -1,7 +1,5 @@
 """``export``: write a run in another program's format."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated, TypedDict

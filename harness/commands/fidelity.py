@@ -1,7 +1,5 @@
 """``fidelity``: how real the simulated traffic is."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated, TypedDict

@@ -1,7 +1,5 @@
 """Makes a typer command from a function and one table of options."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import shlex

@@ -1,7 +1,5 @@
 """``nets``: which road networks and demands there are."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from typing import TypedDict

@@ -1,7 +1,5 @@
 """``report``: write the page of a run, or of any folder of results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated, TypedDict

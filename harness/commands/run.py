@@ -1,7 +1,5 @@
 """``run``: simulate, sense, track and score once."""
 
-from __future__ import annotations
-
 from harness.config import options as shared
 from harness.config.options import RunOptions
 

@@ -1,7 +1,5 @@
 """``score``: score a tracker's log against truth, both from any source."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

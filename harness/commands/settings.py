@@ -1,7 +1,5 @@
 """``settings``: list all settings and their meanings."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from typing import Annotated, TypedDict

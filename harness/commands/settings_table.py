@@ -1,7 +1,5 @@
 """All keys of ``config.toml`` with defaults, units and meanings, collected from their definitions."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import math

@@ -1,7 +1,5 @@
 """``stress``: a grid of runs over density, seeds, trackers, models and any other setting."""
 
-from __future__ import annotations
-
 import sys
 
 from harness.commands.from_options import tell_end, typed

@@ -1,7 +1,5 @@
 """``study``: the paper's lane-keeping and lane-change cases on held-out traffic, and errors by situation."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, TypedDict
 

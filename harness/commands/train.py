@@ -1,7 +1,5 @@
 """``train``: fit motion models to simulated traffic."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, TypedDict
 

@@ -1,7 +1,5 @@
 """Uncertainty of means: bootstrap over vehicles within a run or over seeds, and paired comparisons."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

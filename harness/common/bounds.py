@@ -1,7 +1,5 @@
 """Declares what the numbers of a file may be; one checker refuses in one line those that are not so."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Colours are variables of the page, so that a chart follows the reader's light or dark scheme; a picture is light.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -6,8 +6,6 @@ units less one: with three seeds 4.3 standard errors to either side, where a per
 covers 74 % of what it says.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The exit codes of all commands; scripts may rely on them."""
 
-from __future__ import annotations
-
 DONE, WORSE, WRONG_INPUT, RUN_FAILED, UNDECIDED, INTERNAL = 0, 1, 2, 3, 4, 70
 HANGUP, INTERRUPTED, READER_GONE, TERMINATED = 129, 130, 141, 143
 

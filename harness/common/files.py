@@ -1,7 +1,5 @@
 """Writes files of results atomically: numbers for programs, tables for people, settings as TOML."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -4,8 +4,6 @@ Shares are Clopper and Pearson's with an effective number of samples (Korn & Gra
 with an effective number of events, everything else Student's within its bounds. What was never seen is not certain.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

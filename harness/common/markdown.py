@@ -1,7 +1,5 @@
 """Writes Markdown pages and tables, and shows Markdown in the terminal."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Looks up what users name in a registry; an error says which option gave the name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """Numbers as text, and as JSON: plain values, and null for what is not finite."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Progress on stderr: a bar where the number of steps is known, otherwise a line."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 

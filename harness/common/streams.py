@@ -1,7 +1,5 @@
 """Keeps this process's standard streams, and how deep calls may go, while external code or a library runs."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

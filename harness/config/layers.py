@@ -7,8 +7,6 @@ imported and called, and ``exec:`` starts a program. A file may come from anybod
 is installed can do harm as well if it is called.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

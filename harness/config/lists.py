@@ -1,7 +1,5 @@
 """Parses lists of values on the command line: ``5:65:10``, ``5,20,45``, ``10`` seeds or seeds ``0:10``."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

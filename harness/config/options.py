@@ -4,8 +4,6 @@ A table of options is a ``TypedDict`` whose entries carry an ``Option``. The fir
 command line reads; the others are what Python may give as well.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

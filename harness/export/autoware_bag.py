@@ -5,8 +5,6 @@ plane of the network; speeds and accelerations are along an object's own heading
 truth is on a topic of its own, on which no tracker listens.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from functools import cache

@@ -1,7 +1,5 @@
 """Every table of a run as CSV, with the names and columns of the run folder."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A run as curves over time: errors of visible and hidden vehicles, and their numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

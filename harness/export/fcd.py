@@ -3,8 +3,6 @@
 SUMO's schema has no place for sizes, so each size is a vehicle type, and a file beside declares the types.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.sax.saxutils import quoteattr

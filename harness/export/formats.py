@@ -4,8 +4,6 @@ Another package's is a function like those here, ``export(run, folder)``: it wri
 returns the files. It is found by ``module:function``, or as an entry point.
 """
 
-from __future__ import annotations
-
 import gzip
 import re
 import shutil

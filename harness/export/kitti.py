@@ -5,8 +5,6 @@ at it, or of the last that was, put where the track is; its score is that detect
 is decided here, from the tables alone and alike for every tracker: the nearest within two metres, one to one.
 """
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The lanes of a run's road as lines in the plane, cut to the part that was driven."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

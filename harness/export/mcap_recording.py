@@ -4,8 +4,6 @@ Positions are in the frame ``map``, the plane of the network; the frame ``ego`` 
 box. Time counts from the run's begin. Everything in a scene lives until the next step's.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

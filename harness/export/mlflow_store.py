@@ -1,7 +1,5 @@
 """Runs in MLflow: on the server of ``MLFLOW_TRACKING_URI``, or else in a store of SQLite in the export's folder."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -7,8 +7,6 @@ Where the road has no frame of its own x and y are the plane's, and since boxes 
 them are squares as long as a usual car.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable

@@ -8,8 +8,6 @@ measured of them; velocities of tracks are over ground, in the axes of that fram
 ``vehicles.csv``.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial

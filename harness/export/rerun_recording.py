@@ -1,7 +1,5 @@
 """A run as a recording for the rerun viewer: the plane view, curves beside it, and a layout."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

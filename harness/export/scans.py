@@ -4,8 +4,6 @@
 the same tracker as in a run; ``detections.csv`` and ``ego.csv`` hold the same for programs that read tables.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path

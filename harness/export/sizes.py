@@ -4,8 +4,6 @@ A track's size is the median of those measured of the detections on it while it 
 none. A detection is on a track if each is the other's nearest, within the gate of the scores. No truth is used.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """Runs in Trackio: in the store of ``TRACKIO_DIR``, or else in one in the export's folder; always on this machine."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

@@ -1,7 +1,5 @@
 """Runs cells on an existing Dask cluster; the rows are the same as on this machine."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Sequence
 from contextlib import suppress

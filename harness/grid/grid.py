@@ -7,8 +7,6 @@ tables and pictures. ``models`` goes with the project's own tracker; settings of
 trackers of the user's own, while other built-in trackers keep their tuned settings.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

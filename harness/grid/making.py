@@ -1,7 +1,5 @@
 """Makes the rows of a grid in its folder; an interrupted grid can be resumed."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping

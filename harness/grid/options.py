@@ -1,7 +1,5 @@
 """The options of a stress test."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A pool of worker processes that are watched, and replaced when they die or hang; and the queue of cells for them."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal

@@ -1,7 +1,5 @@
 """The grid that the options of a stress test ask for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A stress test: makes its grid and writes its folder; an interrupted one can be resumed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -10,8 +10,6 @@ trackers of one world are held against one guess. Errors are compared on the veh
 that lets go of difficult vehicles does not look better for it.
 """
 
-from __future__ import annotations
-
 import os
 import queue
 import sys

@@ -5,8 +5,6 @@ after it, which finished runs take as well) or what is believed (``tracker.belie
 it. Within a world all trackers are given the same detections.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 

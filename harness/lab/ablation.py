@@ -1,7 +1,5 @@
 """The ablation study: the effect of each departure from the paper's rule, undone one at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ A machine that others use has no speed of its own, so only ratios of neighbourin
 some per cent faster than the next of the same code, as memory falls out, so several pairs of processes are measured.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

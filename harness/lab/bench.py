@@ -5,8 +5,6 @@ five lanes at one spacing and drive at one speed; the sensor's range grows with 
 vehicles at the same density, none enters or leaves, and the work per vehicle stays comparable.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import resource
 from collections.abc import Callable, Iterator, Sequence

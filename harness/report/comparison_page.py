@@ -1,7 +1,5 @@
 """The page of a comparison: two runs on the same detections share one replay, side by side, as kept runs of a grid."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What went wrong in a run, the worst first: a sentence each, and where the replay shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The page of any results folder: a run's own page, or the tables and figures of a study or grid."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise

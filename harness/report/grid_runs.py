@@ -1,7 +1,5 @@
 """Links from a grid's page to its runs: an overview of cells, and each cell's runs with page or command."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import groupby

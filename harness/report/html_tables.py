@@ -1,7 +1,5 @@
 """The tables of the page as HTML: errors, scores, and how long each vehicle was seen and how well it was tracked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import Any

@@ -1,7 +1,5 @@
 """The key figures of a run, each with its interval, the perfect value and a reference value."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Charts of a run: errors over time, with links into the replay, errors by visibility, and the filter's diagnostics."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

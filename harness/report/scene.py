@@ -1,7 +1,5 @@
 """The road from above at one moment: vehicles, what the sensor sees, and tracks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Sentences that state a run's metrics."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A run as a film: the picture of each step, in the run's own time; needs the extra ``video``."""
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Iterator
 from contextlib import closing

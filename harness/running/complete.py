@@ -1,7 +1,5 @@
 """Derives what a log's files lack: the ego, speeds from positions, visibility from boxes, origins of detections."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Evaluates a tracker: it tracks the snapshots, and what is recorded of it is scored part by part."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A finished run, loaded from its folder for figures and exports."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path

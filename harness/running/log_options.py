@@ -1,7 +1,5 @@
 """The options of ``score``, apart from what it does, so that its help takes no time to import."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, TypedDict
 

@@ -1,7 +1,5 @@
 """Tables of ``metrics.json`` beside the scores: configuration, traffic and computing time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The boxes of nuScenes' JSON as its own rules score them, of all its tracking classes."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Opens what a configuration names: live or recorded snapshots, the tracker, and the map that trackers are given."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

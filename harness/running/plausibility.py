@@ -1,7 +1,5 @@
 """Warns of what is implausible in a run's tables; real recordings of unusual places may be warned of too."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple

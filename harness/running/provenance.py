@@ -1,7 +1,5 @@
 """Hashes of the code and model files that determine the results of a run."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 import sys

@@ -1,7 +1,5 @@
 """Collects a run's steps as columns and makes the tables of the run folder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any

@@ -3,8 +3,6 @@
 A ROS 2 bag (MCAP) of Autoware's messages is replayed likewise: its detections, and its ground truth or else its tracks.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

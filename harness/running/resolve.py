@@ -1,7 +1,5 @@
 """Completes a run's configuration from what it names: a network, a recording or an earlier run."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

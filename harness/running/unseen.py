@@ -1,7 +1,5 @@
 """The expected number of undetected vehicles on each lane piece, recorded twice a second."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """What is kept beside a run's tables: the moment for the picture, the filter's diagnostics, a sample of particles."""
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import MutableSequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Writes a run's folder, at once or while the run goes on."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress

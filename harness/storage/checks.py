@@ -1,7 +1,5 @@
 """Reads tables of external run folders: unpacked in a child process, then checked."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial

@@ -3,8 +3,6 @@
 The flat result of each run lies in a small file.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """A lock on a folder; the system releases it however the process ends."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """The manifest of a run: versions, revision, inputs, machine and wall times."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -4,8 +4,6 @@ A folder that a later command may replace holds a ledger: the program, the kind 
 written to it. Only listed files are removed, so what a user puts beside them survives whatever the ledger says.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable, Iterator

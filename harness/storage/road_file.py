@@ -1,7 +1,5 @@
 """The road of a run in a file of its folder: its lanes and reference line, or a graph of lanes with walls."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace

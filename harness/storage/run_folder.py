@@ -1,7 +1,5 @@
 """A run's folder: written under a temporary name, renamed when the run is done, read for replay and reports."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

@@ -1,7 +1,5 @@
 """The schema of all tables: each column declared once for writers, readers, checks and documentation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 

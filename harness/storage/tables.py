@@ -1,7 +1,5 @@
 """Tables of the run folder as files, written at once or while the run goes on, and their columns as arrays."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Checks a tracker as ``check-tracker`` does, and prints what each check found."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 

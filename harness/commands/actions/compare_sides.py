@@ -1,7 +1,5 @@
 """Compares two sides, and prints and writes the result as the options of ``compare`` say."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Fits a behaviour model, writes it and prints its figures."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Makes the closed-loop drives and the pages of their folder."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Makes a study, writes its folder and page, and prints the result."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Measures how long trackers take, and writes and prints the result."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Does what ``run`` does, and tells the result."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Scores a log as the options of ``score`` say, and tells the result."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import typer

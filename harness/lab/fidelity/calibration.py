@@ -1,7 +1,5 @@
 """Runs a calibration from its options to its files."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict

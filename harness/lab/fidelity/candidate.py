@@ -1,7 +1,5 @@
 """A candidate of the calibration: drivers and demands, how they are improved, and the file of the result."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

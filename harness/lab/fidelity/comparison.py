@@ -1,7 +1,5 @@
 """Compares simulated with recorded traffic, and writes ``fidelity.json``, ``fidelity.md`` and figures."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict

@@ -3,8 +3,6 @@
 The fields that they come from do not; ``measure`` makes the figures from them anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Counted are vehicles on lanes, away from the ends of the stretch that is on reco
 time at the follower's speed, between the fronts of two vehicles in a row on one lane.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simulated traffic on the cells of the recorded traffic, and samples of its vehicles."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 The same code takes them from the fields of recorded and of simulated traffic.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

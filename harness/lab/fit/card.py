@@ -1,7 +1,5 @@
 """Model cards: what a model was fitted to, how good it is, and its limitations."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

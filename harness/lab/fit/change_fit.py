@@ -6,8 +6,6 @@ vehicle is not on. Most samples are therefore moved off the path sideways, and g
 the same lateral acceleration.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.lab.windows.changing import LaneChanges

@@ -5,8 +5,6 @@ the recorded state and ask for the acceleration that leads back to the recorded 
 (Venkatraman, Hebert and Bagnell, AAAI 2015) does the same to the states that the fitted model itself reaches.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -7,8 +7,6 @@ height, which falls with the distance; and by the solid angle that is seen over 
 Nothing is fitted.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Fits Gaussian mixtures: k-means start, then expectation maximisation."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

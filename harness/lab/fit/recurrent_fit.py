@@ -5,8 +5,6 @@ behind recorded leaders. Here many of them first go for some seconds through wha
 takes its particles along, so that the network learns what a memory of it is worth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 

@@ -6,8 +6,6 @@ driving the speed (CVM, CSAV, IDM) or the acceleration (CAM, CSAA), integrated o
 over the noise's spectral density is then ``mean(e' Q^-1 e) / 2`` with Q for unit density.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice

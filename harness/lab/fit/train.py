@@ -1,7 +1,5 @@
 """Trains models from traffic to model files and cards."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

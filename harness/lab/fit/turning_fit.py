@@ -1,7 +1,5 @@
 """Fits speeds at bends and junctions to simulated traffic: medians over free drivers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path

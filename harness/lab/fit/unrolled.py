@@ -6,8 +6,6 @@ when particles are spread as vehicles are. Backpropagation through time is writt
 and three states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The studies' figures: particles over time with the truth, and mean errors over time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The study by situation: how far off each model is after some seconds unseen, in simulated or recorded traffic."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from pathlib import Path

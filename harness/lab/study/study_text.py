@@ -1,7 +1,5 @@
 """A study's results as JSON and as Markdown tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any

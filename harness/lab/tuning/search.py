@@ -11,8 +11,6 @@ the other, and successive halving stops it when it is behind. ``--write`` puts t
 to be brought up to what the file says.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

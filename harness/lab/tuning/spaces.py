@@ -4,8 +4,6 @@ Keys are dotted, as below ``tracker.options``. Settings of a group with a switch
 are searched only while it is on.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import partial

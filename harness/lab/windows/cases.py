@@ -1,7 +1,5 @@
 """The cases of a study: true trajectories, and what models may know of the traffic around them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

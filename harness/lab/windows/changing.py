@@ -1,7 +1,5 @@
 """Windows of a recording around a lane change: five seconds before and after, as in the paper."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce

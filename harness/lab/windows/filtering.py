@@ -3,8 +3,6 @@
 A motion model predicts; noisy measurements, where there are any, update.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The vehicles ahead of and behind each row of a recording, in its own and the adjacent lanes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Drivers on a map without a leader: the place of each on its lane, and the lane it took next."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Seeds serve training, tuning or reporting: no seed serves two purposes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
