@@ -48,6 +48,11 @@ class Failure:
     time_s: float
     until_s: float
 
+    @property
+    def end_s(self) -> float:
+        """Return when it ends: at worst, the vehicle is seen again and has no track."""
+        return self.until_s - AFTERWARDS_S
+
 
 @dataclass(frozen=True)
 class Failures:

@@ -16,7 +16,7 @@ from harness.common.charts import KINDS, Charts, draw_charts
 from harness.common.errors import InputError
 from harness.common.files import save_figure
 from harness.grid.grid import title_of
-from harness.report.failures import AFTERWARDS_S, failures_of
+from harness.report.failures import failures_of
 from harness.report.grid_runs import plan_of
 from harness.report.run_charts import (
     BY_VISIBILITY,
@@ -83,7 +83,7 @@ def _failure_figures(run: RecordedRun) -> Iterator[Figure]:
     """Yield the road from above at the moment at which each of the worst failures ends, with its vehicle named."""
     times = run.truth.drop_duplicates("step").set_index("step")["time_s"]
     for failure in failures_of(run).worst:
-        step = (times - (failure.until_s - AFTERWARDS_S)).abs().idxmin()
+        step = (times - failure.end_s).abs().idxmin()
         truth, detections, tracks = (table[table["step"] == step] for table in (run.truth, run.detections, run.tracks))
         (snapshot,) = snapshots_of(truth, detections, run.road, run.sensor)
         seen = snapshot.frame, snapshot.observation

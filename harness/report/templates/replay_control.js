@@ -37,10 +37,10 @@ const stepAt = (time) => {
   return found < 0 ? steps - 1 : found;
 };
 
-/* Goes to the moment that the address tells (report.html#t=12.3&vehicle=car.4), or else to the worst failure. */
+/* Goes to the moment that the address tells (report.html#t=12.3&vehicle=car.4), or else to the end of the worst failure. */
 function openAtMoment() {
   const told = new URLSearchParams(location.hash.slice(1)), worst = document.querySelector("button[data-vehicle]");
-  const first = data.opens_at || (worst ? [Number(worst.dataset.time), worst.dataset.vehicle] : [0, null]);
+  const first = data.opens_at || (worst ? [Number(worst.dataset.end), worst.dataset.vehicle] : [0, null]);
   const [time, vehicle] = told.has("t") ? [Number(told.get("t")), told.get("vehicle")] : first;
   const number = data.vehicles.names.indexOf(vehicle);
   if (number >= 0 || told.has("t")) follow(number);

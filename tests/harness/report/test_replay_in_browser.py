@@ -8,7 +8,15 @@ import pytest
 
 from harness.report.folder_page import text_page
 from harness.report.page import write_run_page
-from tests.harness.recorded_scene import GIVEN_UP, NEW_TRACK, STEPS, rewrite, write_recorded_scene
+from tests.harness.recorded_scene import (
+    GIVEN_UP,
+    LAST_SEEN,
+    NEW_TRACK,
+    SEEN_AGAIN,
+    STEPS,
+    rewrite,
+    write_recorded_scene,
+)
 
 selenium = pytest.importorskip("selenium", reason="selenium drives the browser")
 from selenium import webdriver  # noqa: E402
@@ -116,6 +124,15 @@ def test_everything_works_from_the_keyboard(page):
     road.send_keys(Keys.ESCAPE)
     assert asked(page, "followed") is None
     assert page.get_log("browser") == []
+
+
+def test_the_replay_opens_where_the_worst_failure_ends_and_its_button_shows_the_whole_of_it(browser, address):
+    browser.get("about:blank")
+    browser.get(address)
+    assert (asked(browser, "step"), asked(browser, "followed")) == (SEEN_AGAIN, "far")
+    assert "It opens at the end of the worst failure" in browser.find_element(By.ID, "replay").text
+    browser.find_element(By.CSS_SELECTOR, "#replay button[data-vehicle]").click()
+    assert LAST_SEEN <= asked(browser, "step") < SEEN_AGAIN
 
 
 def test_a_failure_is_watched_in_the_replay(page):
