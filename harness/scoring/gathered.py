@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from harness.scoring.driving.asked import Asked, DriverSetup, ask
@@ -19,7 +18,6 @@ from harness.scoring.evidence.plain_view import PlainView, plain_view
 from harness.scoring.evidence.rows import RunRows, read_run
 from harness.scoring.evidence.sequence import MotSequence, mot_sequence, select_in_sight, select_remembered
 from harness.scoring.evidence.unseen import Stretches, count_unseen
-from mmpf.numerics.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,6 @@ class Evidence:
         in_sight: Vehicles and tracks in sight.
         remembered: Vehicles detected within the memory, and all tracks.
         plain: Vehicles in plain view, detected or not.
-        existence: Stated existence of each reported track, nan where it states none, shape (m,) along the track rows.
         following: Which track follows which of the vehicles that were once seen, hidden ones included.
         seed: Seed of the run.
         asked: What the ego's driver would do by the truth and by the tracks; None where no driver is asked.
@@ -56,7 +53,6 @@ class Evidence:
     in_sight: MotSequence
     remembered: MotSequence
     plain: PlainView
-    existence: FloatArray
     following: Following
     seed: int
     asked: Asked | None = None
@@ -80,7 +76,7 @@ def gather(
     table = error_table(truth, rows, history, matching)
     following = follow(rows, history)
     plain = plain_view(truth, rows)
-    asked = None if driven is None else ask(driven, truth, detections, tracks, rows)
+    asked = None if driven is None else ask(driven, truth, detections, rows)
     return Evidence(
         rows=rows,
         history=history,
@@ -92,16 +88,9 @@ def gather(
         in_sight=mot_sequence(rows, history, pairs, select_in_sight(rows, history, pairs)),
         remembered=mot_sequence(rows, history, pairs, select_remembered(rows, history, pairs)),
         plain=plain,
-        existence=_existence(tracks)[rows.tracks.table_row],
         following=following,
         seed=seed,
         asked=asked,
         brakings=None if asked is None else find_brakings(asked, rows, matching, following, plain),
         unseen=None if unseen is None else count_unseen(unseen, rows, history, matching, following),
     )
-
-
-def _existence(tracks: pd.DataFrame) -> FloatArray:
-    if "existence" not in tracks:
-        return np.full(len(tracks), np.nan)
-    return tracks["existence"].to_numpy(dtype=np.float64, na_value=np.nan)

@@ -57,22 +57,15 @@ class Asked:
     step_s: FloatArray
 
 
-def ask(
-    driven: DriverSetup,
-    truth: pd.DataFrame,
-    detections: pd.DataFrame,
-    tracks: pd.DataFrame,
-    rows: RunRows,
-) -> Asked:
-    """Ask the driver, with a run's tables and their rows.
+def ask(driven: DriverSetup, truth: pd.DataFrame, detections: pd.DataFrame, rows: RunRows) -> Asked:
+    """Ask the driver, with a run's tables and its rows.
 
     A track counts as a vehicle from an existence of one half on; for one with less the driver slows down gently. The
     first seconds of each ego are not judged: no tracker can know the traffic yet.
     """
     egos, there = egos_of(truth, rows)
     bodies = tracked_bodies(detections, rows, egos, driven.road)
-    existence = tracks["existence"].to_numpy(dtype=np.float64) if "existence" in tracks else np.ones(len(tracks))
-    doubtful = existence[rows.tracks.table_row] < DRIVER_EXISTENCE
+    doubtful = rows.tracks.existence < DRIVER_EXISTENCE
     step_s, since_s = _times(rows)
     judged = there & (since_s >= SETTLED_S - TIME_TOLERANCE_S)
     real, believed = true_bodies(truth, rows), replace(bodies, doubtful=doubtful)

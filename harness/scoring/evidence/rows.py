@@ -64,7 +64,7 @@ class TrackRows:
     Attributes:
         step: Index of the step among the run's steps.
         track: Code of the track within its episode, from 0; ``track_id`` is the tracker's own number.
-        table_row: Row of the table of tracks that this row comes from.
+        existence: Stated probability that it is a vehicle, nan where none is stated.
         unknowable: At or beyond the edge of what the source knows of the road, so that no vehicle there is on record.
         accel_mps2: None where the table does not tell.
     """
@@ -72,7 +72,6 @@ class TrackRows:
     step: IntArray
     track: IntArray
     track_id: IntArray
-    table_row: IntArray
     lon_m: FloatArray
     lat_m: FloatArray
     speed_mps: FloatArray
@@ -80,6 +79,7 @@ class TrackRows:
     std_lon_m: FloatArray
     std_lat_m: FloatArray
     std_speed_mps: FloatArray
+    existence: FloatArray
     unknowable: BoolArray
     accel_mps2: FloatArray | None = None
 
@@ -239,7 +239,6 @@ def _reported_tracks(
         step=step,
         track=track,
         track_id=track_id,
-        table_row=rows,
         lon_m=lon,
         lat_m=lat,
         speed_mps=_floats(tracks, "speed_mps")[rows],
@@ -247,6 +246,7 @@ def _reported_tracks(
         std_lon_m=_floats(tracks, "std_lon_m")[rows],
         std_lat_m=_floats(tracks, "std_lat_m")[rows],
         std_speed_mps=_floats(tracks, "std_speed_mps")[rows],
+        existence=_floats(tracks, "existence")[rows] if "existence" in tracks else np.full(len(rows), np.nan),
         unknowable=~_inside(lon, windows, step),
         accel_mps2=_floats(tracks, "accel_mps2")[rows] if "accel_mps2" in tracks else None,
     )

@@ -70,7 +70,7 @@ class ExistencePart:
 def measure_existence(evidence: Evidence) -> ExistencePart:
     """Measure a stretch."""
     rows, pairs = evidence.rows, evidence.pairs
-    stated = evidence.existence
+    stated = rows.tracks.existence
     judged = np.flatnonzero(tracks_in_sight(rows) & ~rows.tracks.unknowable & np.isfinite(stated))
     real = np.zeros(len(rows.tracks), dtype=bool)
     real[gate_match(pairs, np.ones(len(rows.truth), dtype=bool)).track] = True

@@ -46,7 +46,7 @@ def test_step_by_step_tracks_are_the_bodies_that_the_scores_make_of_the_finished
     rows = read_run(truth, detections, told)
     egos, _ = egos_of(truth, rows)
     whole = tracked_bodies(detections, rows, egos, road)
-    kept = told["existence"].to_numpy()[rows.tracks.table_row] >= DRIVER_EXISTENCE
+    kept = rows.tracks.existence >= DRIVER_EXISTENCE
     for name in ("lon_m", "lat_m", "speed_mps", "length_m", "width_m", "direction_rad"):
         expected = pd.Series(getattr(whole, name)[kept]).groupby(whole.step[kept]).apply(sorted)
         for step, bodies in enumerate(found):
