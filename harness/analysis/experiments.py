@@ -25,11 +25,7 @@ TRACKER = "tracker.name"
 
 
 def settings_of_grid(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings that hold for all runs of a ``grid.json``, by key, defaults filled in.
-
-    Raises:
-        InputError: It holds settings that there are none of.
-    """
+    """Return the settings that hold for all runs of a ``grid.json``, by key, defaults filled in."""
     options = {"duration": table.get("duration_s"), "sensor": table.get("sensor"), "particles": table.get("particles")}
     nested = merged(None, options, [str(word) for word in table.get("settings") or ()])
     of_drives = {f"drive.{key}": table[key] for key in OF_DRIVES if table.get(key) is not None}
@@ -37,11 +33,7 @@ def settings_of_grid(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of(nested: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of a configuration by key, defaults filled in.
-
-    Raises:
-        InputError: It is none.
-    """
+    """Return the settings of a configuration by key, defaults filled in."""
     usual = RunConfig(tracker=TrackerConfig(name=str(nested.get("tracker", {}).get("name", "mmpf"))))
     return dict(leaves(usual.model_dump())) | dict(leaves(config_from_table(dict(nested)).model_dump()))
 

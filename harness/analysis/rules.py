@@ -45,11 +45,7 @@ class Limit(BaseModel):
     ceiling: float | None = None
 
     def check(self, quantity: Quantity) -> None:
-        """Refuse a metric without a better end, bounds that it can't reach, and a tolerance of more than its value.
-
-        Raises:
-            InputError: They are such.
-        """
+        """Refuse a metric without a better end, bounds that it can't reach, and a tolerance of more than its value."""
         if quantity.best is not None:
             raise InputError(f"`primary`: {quantity.key} is best {quantity.better}, so that it gets no verdict")
         bounds = [value for value in (self.floor, self.ceiling) if value is not None]
@@ -158,11 +154,7 @@ class Gate(BaseModel):
 
 
 def read_gate(path: Path | None) -> Gate:
-    """Return the requirements in a file, or the defaults without a file.
-
-    Raises:
-        InputError: It can't be read, or asks for something that there is not.
-    """
+    """Return the requirements in a file, or the defaults without a file."""
     if path is None:
         return Gate()
     try:

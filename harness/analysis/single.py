@@ -115,11 +115,7 @@ def label_of(a: Source, b: Source) -> str:
 
 
 def evidence_of(folder: Path, seen: Seen) -> Evidence:
-    """Return what scoring finds out about a run, from its truth and detections and from the tracks in its folder.
-
-    Raises:
-        InputError: A table is missing or broken.
-    """
+    """Return what scoring finds out about a run, from its truth and detections and from the tracks in its folder."""
     with sound_tables(folder, COMPARE):
         tracks = runfolder.read_table(folder, runfolder.TRACKS, COMPARE)
         return gather(seen[runfolder.TRUTH], seen[runfolder.DETECTIONS], tracks, 0)

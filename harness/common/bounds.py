@@ -124,11 +124,7 @@ def check_numbers(
 
 
 def check_columns(place: object, there: Collection[str], needed: Collection[str], fix: str = "add it") -> None:
-    """Refuse a table that lacks columns, or has them twice, of which pandas calls the second ``NAME.1``.
-
-    Raises:
-        InputError: It lacks some that are needed, or one is there twice; the message names them.
-    """
+    """Refuse a table that lacks columns, or has them twice, of which pandas calls the second ``NAME.1``."""
     names = list(map(str, there))
     if missing := [name for name in needed if name not in names]:
         raise InputError(f"{place}: it has no column {', '.join(missing)}, but {', '.join(names)[:200]}: {fix}")

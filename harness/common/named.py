@@ -11,11 +11,7 @@ T = TypeVar("T")
 
 
 def named(registry: Registry[T], option: str, name: str) -> T:
-    """Return the entry of a name that was given for an option.
-
-    Raises:
-        InputError: There is none of that name, or it can't be had.
-    """
+    """Return the entry of a name that was given for an option."""
     with streams_and_depth_kept():
         problem = registry.problem(name)
     if problem:
@@ -24,11 +20,7 @@ def named(registry: Registry[T], option: str, name: str) -> T:
 
 
 def check_made(registry: Registry[T], option: str, name: str, thing: object) -> None:
-    """Refuse what an entry made if it is something else.
-
-    Raises:
-        InputError: It is.
-    """
+    """Refuse what an entry made if it is something else."""
     fault = registry.fault(thing) if registry.fault is not None else ""
     if fault:
         raise InputError(f"`{option}` {name}: it returned {type(thing).__name__}, {fault}")

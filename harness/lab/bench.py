@@ -138,11 +138,7 @@ def timed_tracker(name: str, particles: int, setting: TrackerSetting) -> TimedTr
 
 
 def run_bench(plan: BenchPlan, advance: Callable[[], None]) -> list[dict[str, Any]]:
-    """Return a row for each number of vehicles and tracker; ``advance`` is called after each scan of each scene.
-
-    Raises:
-        InputError: There is no such tracker or model, or it is none that can be timed.
-    """
+    """Return a row for each number of vehicles and tracker; ``advance`` is called after each scan of each scene."""
     has_stone_soup = importlib.util.find_spec("stonesoup") is not None
     names = plan.trackers or ("mmpf:residual", "mmpf:gmm", "mmpf:cvm", *(STONE_SOUP if has_stone_soup else ()))
 

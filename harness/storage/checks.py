@@ -114,11 +114,7 @@ def rows_of(folder: Path) -> dict[str, int]:
 
 @contextmanager
 def sound_tables(folder: Path, parameter: str) -> Iterator[None]:
-    """Turn what goes wrong over tables that contradict each other into one line that names the folder.
-
-    Raises:
-        InputError: Something did.
-    """
+    """Turn what goes wrong over tables that contradict each other into one line that names the folder."""
     try:
         with np.errstate(all="ignore"):
             yield

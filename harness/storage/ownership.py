@@ -55,11 +55,7 @@ def strangers(folder: Path) -> list[str]:
 
 
 def check_replaceable(folder: Path, kind: str) -> None:
-    """Check that a folder may be replaced: empty, or made by this program, of this kind, without other files.
-
-    Raises:
-        InputError: It may not.
-    """
+    """Check that a folder may be replaced: empty, or made by this program, of this kind, without other files."""
     fix = "choose another folder, or remove it yourself"
     if folder.is_symlink():
         raise InputError(f"`out`: {folder} is a link; give the folder that it leads to")

@@ -46,11 +46,7 @@ def write_road(road: Road, path: Path) -> None:
 
 
 def read_road(path: Path, parameter: str) -> Road:
-    """Return the road that a file holds.
-
-    Raises:
-        InputError: The file is missing or broken.
-    """
+    """Return the road that a file holds."""
     check_file(path, parameter)
     return isolated(partial(_road, path, parameter), f"`{parameter}`: {path}", ProcessLimits.for_files([path]))
 

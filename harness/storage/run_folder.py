@@ -169,21 +169,13 @@ def read_manifest(folder: Path, parameter: str, *, ended: bool = True) -> dict[s
 
 
 def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the content of a run's ``metrics.json``.
-
-    Raises:
-        InputError: It is missing or broken.
-    """
+    """Return the content of a run's ``metrics.json``."""
     with reading(f"`{parameter}`: {folder / METRICS}", "scores of a run"):
         return read_json(folder / METRICS, parameter)
 
 
 def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:
-    """Return the recorded configuration of a run folder as a nested table.
-
-    Raises:
-        InputError: It can't be read.
-    """
+    """Return the recorded configuration of a run folder as a nested table."""
     if folder.is_dir() and not (folder / CONFIG).exists():
         raise InputError(
             f"`{parameter}`: {folder} has no {CONFIG}; give one run's folder (`stress --keep runs` keeps them)"

@@ -55,11 +55,7 @@ class MeasuredSite(NetworkTable):
     periods: dict[str, MeasuredPeriod]
 
     def period(self, demand: str) -> MeasuredPeriod:
-        """Return the period that a demand stands for.
-
-        Raises:
-            InputError: None was measured.
-        """
+        """Return the period that a demand stands for."""
         if demand not in self.periods:
             raise InputError(f"`demand` {demand}: nothing was measured for it; measured are: {', '.join(self.periods)}")
         return self.periods[demand]
@@ -91,11 +87,7 @@ def measure(site: MeasuredSite, fields: Fields, lanes: int) -> MeasuredSite:
 
 
 def measure_vehicles(site: MeasuredSite, recordings: Sequence[Path], net: str) -> MeasuredSite:
-    """Return the site with the figures of its vehicles recomputed from recordings; unchanged without any.
-
-    Raises:
-        InputError: A recording is missing or broken.
-    """
+    """Return the site with the figures of its vehicles recomputed from recordings; unchanged without any."""
     if not (files := recording_files(recordings)):
         return site
     figures = recorded_samples(files, net).statistics()

@@ -168,11 +168,7 @@ def recording_files(paths: Sequence[Path]) -> tuple[Path, ...]:
 
 
 def recorded_samples(files: Iterable[Path], net: str) -> BehaviourSamples:
-    """Return the samples of all recordings as one.
-
-    Raises:
-        InputError: One is no recording or is broken.
-    """
+    """Return the samples of all recordings as one."""
     return merged(_samples(path, net) for path in files)
 
 

@@ -113,9 +113,6 @@ def compiled_score(
     """Return a function of weights and inputs that gives the score and its gradient by the weights.
 
     Least and greatest situation, their means and their standard deviations are each of shape (5,).
-
-    Raises:
-        InputError: JAX is not installed.
     """
     try:
         import jax  # noqa: PLC0415  an extra that only this fit needs

@@ -72,11 +72,7 @@ def simulated_parts(plan: StudyPlan, network: Network, say: Callable[[str], None
 
 
 def recorded_parts(folder: Path) -> list[Part]:
-    """Return the recorded traffic of real roads in a folder.
-
-    Raises:
-        InputError: There is none.
-    """
+    """Return the recorded traffic of real roads in a folder."""
     files = [path for pattern in RECORDED for path in sorted(folder.glob(pattern))]
     if not files:
         raise InputError(f"`real_data`: {folder} has no recorded traffic ({', '.join(RECORDED)}); name another folder")
