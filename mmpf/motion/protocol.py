@@ -36,6 +36,24 @@ class Neighbour(NamedTuple):
         return Neighbour(exists[index], gap_m[index], speed_mps[index], accel_mps2[index], length_m[index])
 
 
+class NeighbourView(Protocol):
+    """What ``Neighbour`` offers; whoever implements it may work it out only when it is asked for."""
+
+    @property
+    def exists(self) -> BoolArray: ...  # noqa: D102
+    @property
+    def gap_m(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def speed_mps(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def accel_mps2(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def length_m(self) -> FloatArray: ...  # noqa: D102
+
+    def take(self, index: IntArray) -> Neighbour:
+        """Return the neighbours of some of the particles."""
+
+
 @dataclass(frozen=True)
 class Surroundings:
     """What each of n particles knows of road and traffic around it; arrays of shape (n,).
@@ -64,10 +82,10 @@ class Surroundings:
     has_left_lane: BoolArray
     has_right_lane: BoolArray
     leader: Neighbour
-    left_leader: Neighbour
-    left_follower: Neighbour
-    right_leader: Neighbour
-    right_follower: Neighbour
+    left_leader: NeighbourView
+    left_follower: NeighbourView
+    right_leader: NeighbourView
+    right_follower: NeighbourView
     is_hidden: BoolArray
     road_speed_mps: FloatArray
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+from operator import attrgetter
+
 import numpy as np
 
 from mmpf.motion.protocol import Neighbour
@@ -68,40 +72,76 @@ def to_be_found(n: int) -> Neighbour:
     return Neighbour(np.empty(n, dtype=np.bool_), np.empty(n), np.empty(n), np.empty(n), np.empty(n))
 
 
-def measured_neighbours(
-    state: FloatArray,
-    component: IntArray,
-    others: FloatArray,
-    length_m: FloatArray,
-    lane: Int32Array,
-    nearest: IntArray,
-    sign: float,
-) -> Neighbour:
-    """Return each particle's neighbours in one direction.
+@dataclass(frozen=True)
+class KnownTraffic:
+    """What distances to neighbours are measured from.
 
-    Args:
+    Attributes:
         state: Particles' states, shape (6, n).
         component: Row of each particle's component in ``nearest`` and ``length_m``, shape (n,).
         others: Rows of position, speed and acceleration of all vehicles, shape (3, m + 1).
         length_m: Their lengths, once for each case of who counts, shape (cases * (m + 1),).
-        lane: Lane in which each particle looks, ``OFF_ROAD`` for none, shape (n,).
-        nearest: Nearest vehicle for each case, component and lane, shape (cases * (m + 1), lanes).
-        sign: 1 if it is ahead, -1 if it is behind.
     """
-    n = state.shape[1]
-    lon, speed, found = state[LON], state[SPEED], to_be_found(n)
 
-    def measure(begin: int, end: int) -> None:
-        _measure_neighbours(begin, end, lon, speed, component, lane, nearest, sign, others, length_m, found)
+    state: FloatArray
+    component: IntArray
+    others: FloatArray
+    length_m: FloatArray
 
-    in_shares(measure, n, cost=0.5)
-    return found
+    def measured(self, lane: Int32Array, nearest: IntArray, sign: float, index: IntArray | None = None) -> Neighbour:
+        """Return the neighbours in one direction.
+
+        Args:
+            lane: Lane in which each particle looks, ``OFF_ROAD`` for none, shape (n,).
+            nearest: Nearest vehicle for each case, component and lane, shape (cases * (m + 1), lanes).
+            sign: 1 if it is ahead, -1 if it is behind.
+            index: Particles that are asked for; None for all.
+        """
+        asked = np.arange(len(lane)) if index is None else index
+        n = len(asked)
+        lon, speed, found = self.state[LON], self.state[SPEED], to_be_found(n)
+
+        def measure(begin: int, end: int) -> None:
+            which = begin, end, asked, lon, speed, self.component
+            _measure_neighbours(*which, lane, nearest, sign, self.others, self.length_m, found)
+
+        in_shares(measure, n, cost=0.5)
+        return found
+
+
+@dataclass(frozen=True)
+class UnmeasuredNeighbour:
+    """Neighbours in a lane beside: few particles ask for them, so they are measured for those, or when asked for.
+
+    Attributes:
+        known: What they are measured from; the others are arguments of ``KnownTraffic.measured``.
+    """
+
+    known: KnownTraffic
+    lane: Int32Array
+    nearest: IntArray
+    sign: float
+
+    def take(self, index: IntArray) -> Neighbour:
+        """Measure the neighbours of some of the particles."""
+        return self.known.measured(self.lane, self.nearest, self.sign, index)
+
+    @cached_property
+    def _all(self) -> Neighbour:
+        return self.known.measured(self.lane, self.nearest, self.sign)
+
+    exists = property(attrgetter("_all.exists"))
+    gap_m = property(attrgetter("_all.gap_m"))
+    speed_mps = property(attrgetter("_all.speed_mps"))
+    accel_mps2 = property(attrgetter("_all.accel_mps2"))
+    length_m = property(attrgetter("_all.length_m"))
 
 
 @kernel()
 def _measure_neighbours(
     begin: int,
     end: int,
+    index: IntArray,
     lon: FloatArray,
     speed: FloatArray,
     component: IntArray,
@@ -114,18 +154,19 @@ def _measure_neighbours(
 ) -> None:
     """Fill in the neighbours in one direction: ``nearest`` has one per component and lane, ``sign`` is -1 behind."""
     exists, gap, neighbour_speed, neighbour_accel, neighbour_length = neighbour
-    for n in range(begin, end):
+    for k in range(begin, end):
+        n = index[k]
         own_length = length[component[n]]
         found = nearest[component[n], lane[n]] if lane[n] >= 0 else NOBODY
         if found >= 0:
-            exists[n] = True
-            gap[n] = sign * (others[0, found] - lon[n]) - 0.5 * (own_length + length[found])
-            neighbour_speed[n] = others[1, found]
-            neighbour_accel[n] = others[2, found]
-            neighbour_length[n] = length[found]
+            exists[k] = True
+            gap[k] = sign * (others[0, found] - lon[n]) - 0.5 * (own_length + length[found])
+            neighbour_speed[k] = others[1, found]
+            neighbour_accel[k] = others[2, found]
+            neighbour_length[k] = length[found]
         else:
-            exists[n] = False
-            gap[n] = np.inf
-            neighbour_speed[n] = speed[n]
-            neighbour_accel[n] = 0.0
-            neighbour_length[n] = own_length
+            exists[k] = False
+            gap[k] = np.inf
+            neighbour_speed[k] = speed[n]
+            neighbour_accel[k] = 0.0
+            neighbour_length[k] = own_length

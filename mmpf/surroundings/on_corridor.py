@@ -20,7 +20,7 @@ from mmpf.motion.state import ACCEL, LAT, LON, SPEED
 from mmpf.numerics.arrays import BoolArray
 from mmpf.scan import EgoPose
 from mmpf.surroundings.adjacent_lanes import LEFT, OWN, RIGHT, lanes_around
-from mmpf.surroundings.neighbours import measured_neighbours, nearest_by_lane
+from mmpf.surroundings.neighbours import KnownTraffic, UnmeasuredNeighbour, nearest_by_lane
 
 LEAST_PROBABILITIES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """For each fifth of the doubts from 0 to 1: particles heed who is a vehicle with more than this probability."""
@@ -61,18 +61,18 @@ def surroundings_of(
     row += component
 
     lanes = lanes_around(state[LON], state[LAT], road)
-    known = state, row, others[[LON, SPEED, ACCEL]], np.tile(length, len(cases))
+    known = KnownTraffic(state, row, others[[LON, SPEED, ACCEL]], np.tile(length, len(cases)))
     return Surroundings(
         length_m=vehicles.length_m[component],
         lane_right_m=lanes.line_m[0],
         lane_left_m=lanes.line_m[1],
         has_left_lane=lanes.has_beside[0],
         has_right_lane=lanes.has_beside[1],
-        leader=measured_neighbours(*known, lanes.lane[OWN], leader, 1.0),
-        left_leader=measured_neighbours(*known, lanes.lane[LEFT], leader, 1.0),
-        left_follower=measured_neighbours(*known, lanes.lane[LEFT], follower, -1.0),
-        right_leader=measured_neighbours(*known, lanes.lane[RIGHT], leader, 1.0),
-        right_follower=measured_neighbours(*known, lanes.lane[RIGHT], follower, -1.0),
+        leader=known.measured(lanes.lane[OWN], leader, 1.0),
+        left_leader=UnmeasuredNeighbour(known, lanes.lane[LEFT], leader, 1.0),
+        left_follower=UnmeasuredNeighbour(known, lanes.lane[LEFT], follower, -1.0),
+        right_leader=UnmeasuredNeighbour(known, lanes.lane[RIGHT], leader, 1.0),
+        right_follower=UnmeasuredNeighbour(known, lanes.lane[RIGHT], follower, -1.0),
         is_hidden=np.repeat(~is_seen, np.diff(mixture.starts)),
         road_speed_mps=np.broadcast_to(np.inf, len(component)),
     )

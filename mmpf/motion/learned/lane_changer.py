@@ -14,7 +14,7 @@ import numpy as np
 from mmpf.motion.gmm.model_file import MixtureFile, committed_mixture
 from mmpf.motion.gmm.scaled import ScaledGmm
 from mmpf.motion.kinematic import HARDEST_BRAKING_MPS2, STRONGEST_ACCEL_MPS2
-from mmpf.motion.protocol import Neighbour, Surroundings, take_surroundings
+from mmpf.motion.protocol import NeighbourView, Surroundings, take_surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED
 from mmpf.numerics.arrays import BoolArray, FloatArray, IntArray
 from mmpf.numerics.kernels import kernel, part_of_kernel
@@ -101,7 +101,7 @@ def view_of(surroundings: Surroundings, speed_mps: FloatArray, direction: FloatA
     return ChangeView(leader[0], follower[0], target[0], leader[1], follower[1], target[1])
 
 
-def _seen(neighbour: Neighbour, speed_mps: FloatArray) -> FloatArray:
+def _seen(neighbour: NeighbourView, speed_mps: FloatArray) -> FloatArray:
     """Return gap and relative speed of neighbours, shape (2, n); one too far away counts as none."""
     gap = neighbour.gap_m
     near = neighbour.exists & (gap < FURTHEST_NEIGHBOUR_M)
