@@ -4,7 +4,7 @@ import errno
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,10 @@ _TEMPORARY_NAME = re.compile(rf"\..+\.[0-9]+{re.escape(TEMPORARY)}")
 def replacing(final: Path) -> Iterator[Path]:
     """Yield a temporary path in a file's folder; it replaces the file if the block succeeds, and is deleted otherwise.
 
-    What is there but is no file, such as ``/dev/stdout``, is yielded itself; a link is followed.
+    What is there but is no file, such as ``/dev/stdout``, is yielded itself; a link is followed to what is there.
     """
+    if final.is_symlink() and not final.exists():
+        raise InputError(f"{final} is a link that leads to nothing; remove it")
     final = Path(os.path.realpath(final))
     if final.is_fifo():
         raise InputError(f"{final} is a pipe, which may never be read; give a file")
@@ -33,6 +35,8 @@ def replacing(final: Path) -> Iterator[Path]:
         yield final
         return
     temporary = temporary_of(final)
+    if temporary.is_symlink():
+        raise InputError(f"{temporary} is a link, and should be a file that this program writes; remove it")
     try:
         yield temporary
         temporary.replace(final)
@@ -62,6 +66,17 @@ def check_folder(path: Path, parameter: str) -> None:
     there = next(each for each in (path, *path.absolute().parents) if each.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
         raise InputError(f"`{parameter}`: no folder can be written at {path}; choose another place")
+
+
+def check_unlinked(folder: Path, paths: Iterable[Path], parameter: str) -> None:
+    """Refuse places in a folder to which a link leads: who made the folder would choose what is written over.
+
+    Raises:
+        InputError: There is a link on the way from the folder to one of them.
+    """
+    for part in (part for path in paths for part in (path, *path.parents) if folder in part.parents):
+        if part.is_symlink():
+            raise InputError(f"`{parameter}`: {part} is a link, through which nothing is written; remove it")
 
 
 def full_disk(error: BaseException | None) -> OSError | None:

@@ -14,7 +14,7 @@ from typing import Any, cast
 
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
-from harness.common.files import writing
+from harness.common.files import check_unlinked, writing
 from harness.common.untrusted_files import unpacked
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
@@ -86,6 +86,7 @@ def export_run(
         raise InputError(f"`folder`: {told} ('stress --keep runs' keeps them)")
     target = out if out is not None else folder / EXPORTS / re.sub(r"[^\w.+-]+", "-", name)
     replaces = force or out is None
+    check_unlinked(folder, [target] if out is None else [], "folder")
     runfolder.check_free(target, replaces, ownership.EXPORT)
     with sound_tables(folder, "folder"):
         results = folder if name in OF_FOLDERS else read_recorded_run(folder)

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from harness.common.charts import Charts
 from harness.common.errors import InputError
-from harness.common.files import write_text
+from harness.common.files import check_unlinked, write_text
 from harness.report.failures import brakings_of, failures_of
 from harness.report.html_tables import error_table, hidden_table, mot_table, own_table, vehicle_table
 from harness.report.key_figures import key_figures, key_table
@@ -57,9 +57,10 @@ def put_page(folder: Path, text: str) -> Path:
     """Write a folder's page and return it.
 
     Raises:
-        InputError: Somebody else's page is there.
+        InputError: Somebody else's page is there, or a link.
     """
     page = folder / PAGE
+    check_unlinked(folder, [page], "folder")
     if page.exists() and (not page.is_file() or (page.stat().st_size and MARK not in page.read_bytes())):
         raise InputError(f"`folder`: {page} was not made by this program; give it another name")
     write_text(page, text)

@@ -14,7 +14,7 @@ from harness.analysis.curve_charts import curve_charts
 from harness.analysis.curves import curve_points
 from harness.common.charts import KINDS, Charts, draw_charts
 from harness.common.errors import InputError
-from harness.common.files import save_figure
+from harness.common.files import check_unlinked, save_figure
 from harness.grid.grid import title_of
 from harness.report.failures import failures_of
 from harness.report.grid_runs import plan_of
@@ -54,6 +54,7 @@ def write_pictures(folder: Path, kind: str) -> list[Path]:
     if not is_run and (plan_of(folder) is None or not (folder / RUNS).is_file()):
         raise InputError(f"`figures`: {folder} is neither a run nor a stress test; only their figures can be drawn")
     place = folder / runfolder.FIGURES
+    check_unlinked(folder, (place, *place.glob(f"*.{kind}")), "folder")
     place.mkdir(exist_ok=True)
     with sound_tables(folder, "figures"), mpl.rc_context({"svg.hashsalt": SALT, "svg.fonttype": "none"}):
         written = [*(_of_run(folder, place, kind) if is_run else _of_grid(folder, place, kind))]

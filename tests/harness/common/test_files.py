@@ -5,7 +5,16 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from harness.common.files import is_temporary, replacing, save_figure, write_results, write_text, write_toml
+from harness.common.errors import InputError
+from harness.common.files import (
+    is_temporary,
+    replacing,
+    save_figure,
+    temporary_of,
+    write_results,
+    write_text,
+    write_toml,
+)
 from harness.storage.grid_folder import write_row
 from harness.storage.manifest import RunFacts, write_manifest
 from harness.storage.tables import write_table
@@ -71,11 +80,18 @@ def test_a_process_that_ends_half_way_leaves_a_name_that_is_known_as_such(tmp_pa
     assert not is_temporary(".notes.partial")
 
 
-def test_a_link_is_followed_and_what_is_no_file_is_written_itself(tmp_path):
+def test_a_link_is_followed_to_a_file_and_what_is_no_file_is_written_itself(tmp_path):
     (tmp_path / "real").write_text("x")
     (tmp_path / "link").symlink_to("real")
     write_text(tmp_path / "link", "new")
     assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "new"
+    (tmp_path / "dangling").symlink_to("nowhere")
+    with pytest.raises(InputError, match="leads to nothing"):
+        write_text(tmp_path / "dangling", "x")
+    temporary_of(tmp_path / "new").symlink_to("real")
+    with pytest.raises(InputError, match="is a link"):
+        write_text(tmp_path / "new", "x")
     assert (tmp_path / "real").read_text() == "new"
     write_text(Path(os.devnull), "x")
     assert not Path(os.devnull).is_file()

@@ -146,6 +146,24 @@ def test_no_name_of_a_tracker_is_a_path(name, tmp_path):
     (tmp_path / made).mkdir()
 
 
+FIGURES = [*READERS[0], "--figures", "svg"]
+
+
+@pytest.mark.parametrize(
+    ("link", "target", "words"),
+    [
+        ("report.html", "file", READERS[0]), ("figures", "", FIGURES), ("figures/failure-1.svg", "file", FIGURES),
+        ("export", "", READERS[1]),
+    ],
+)  # fmt: skip
+def test_nothing_is_written_through_a_link_in_a_folder(link, target, words, scene, tmp_path, refused):
+    (tmp_path / "outside").mkdir()
+    (scene / link).parent.mkdir(exist_ok=True)
+    (scene / link).symlink_to(tmp_path / "outside" / target)
+    assert f"{link} is a link" in refused(*words)
+    assert not list((tmp_path / "outside").iterdir())
+
+
 def test_an_exported_run_stays_within_its_folder(scene, tmp_path, capsys):
     config = (scene / "config.toml").read_text()
     (scene / "config.toml").write_text(config.replace('name = "mmpf"', 'name = "../../../../escaped"'))
