@@ -31,7 +31,8 @@ def checked_path(path: Path, parameter: str) -> Path:
     """
     if "\0" in str(path):
         raise InputError(f"`{parameter}`: there is a null character in the path {str(path)[:60]!r}; leave it out")
-    if not str(path).isprintable() and any(0xD800 <= ord(letter) < 0xDC80 for letter in str(path)):
+    end = 0xE000 if parameter == "out" else 0xDC80  # PyArrow writes only where the name is valid UTF-8
+    if not str(path).isprintable() and any(0xD800 <= ord(letter) < end for letter in str(path)):
         raise InputError(f"`{parameter}`: the path {ascii(str(path))[:60]} is not valid text; give it in UTF-8")
     long = [part for part in path.parts if len(os.fsencode(part)) > LONGEST_NAME_BYTES]
     if long or len(os.fsencode(path)) > 4095:

@@ -1,5 +1,6 @@
 """A finished run, loaded from its folder for figures and exports."""
 
+import os
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -161,7 +162,7 @@ def read_recorded_run(folder: Path, parameter: str = "folder", most_rows: int | 
 def _last_step(truth: Path, most_rows: int) -> int | None:
     """Return the last step of the stretches that are read; None if these are all, or if the table is no run's."""
     try:
-        footer = pq.read_metadata(truth)
+        footer = pq.read_metadata(os.path.join(os.curdir, truth))
         step = footer.schema.names.index("step")
     except (OSError, pa.ArrowException, ValueError):
         return None

@@ -1,5 +1,6 @@
 """Reads tables of external run folders: unpacked in a child process, then checked."""
 
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -50,7 +51,8 @@ def read_parquet(
 
 
 def _table(path: Path, place: str, wanted: pc.Expression | None, noted: int | None) -> pa.Table:
-    with reading(place, "table of a run"), pq.ParquetFile(path, pre_buffer=False) as file:
+    source = os.path.join(os.curdir, path)  # PyArrow takes a ~ that comes first for the user's own folder
+    with reading(place, "table of a run"), pq.ParquetFile(source, pre_buffer=False) as file:
         footer, schema = file.metadata, file.schema_arrow
         # One without a version is of the first.
         version = (footer.metadata or {}).get(VERSION_KEY.encode(), b"1")
@@ -67,7 +69,7 @@ def _table(path: Path, place: str, wanted: pc.Expression | None, noted: int | No
             if not any(is_kind(kind) for is_kind in READABLE):
                 raise InputError(f"{place}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
         if wanted is not None:
-            return pq.read_table(path, use_threads=False, pre_buffer=False, filters=wanted)
+            return pq.read_table(source, use_threads=False, pre_buffer=False, filters=wanted)
         return file.read(use_threads=False)
 
 

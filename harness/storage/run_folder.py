@@ -17,7 +17,7 @@ import pyarrow.compute as pc
 from harness.common.bounds import check_columns
 from harness.common.errors import InputError, RunError
 from harness.common.files import writing
-from harness.common.untrusted_files import read_json, read_toml, reading
+from harness.common.untrusted_files import checked_path, read_json, read_toml, reading
 from harness.storage import ownership
 from harness.storage.checks import AGAIN, check_kinds, read_parquet
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
@@ -104,7 +104,9 @@ def open_folder(out: Path | None, default_name: str, force: bool, kind: str = ow
     """
     if force and out is None:
         raise InputError("`force`: it replaces the run in `out`, and there is none; name that folder, or leave it out")
-    final = _first_free(DEFAULT_PARENT / default_name) if out is None else out if out.name else out.resolve()
+    final = _first_free(DEFAULT_PARENT / default_name) if out is None else checked_path(out, "out")
+    # PyArrow takes ~ for the user's own folder.
+    final = final if final.name and not str(final).startswith("~") else final.absolute()
     with writing("out", final):
         check_free(final, force, kind)
         final.parent.mkdir(parents=True, exist_ok=True)

@@ -216,6 +216,10 @@ INPUTS: dict[str, Input] = {
     "a tracker without a name": option("run --tracker mmpf: --quiet --out out", "--tracker"),
     "a sensor that aborts by its name": option("run --sensor os:abort --quiet --out out", "--sensor"),
     "seed 1.0": option("run --seed 1.0 --duration 1 --quiet --out out", "--seed"),
+    "a folder whose name is not in UTF-8": Input(
+        lambda folder: ["score", *("--truth", str(scene(folder)), "--tracks", "scene", "--out", "a\udcff")],
+        "valid text",
+    ),
     # Values of --set.
     "range 1e300": setting("sensor.range_m=1e300", "range_m"),
     "deviation 1e-300": setting("sensor.std_lon_m=1e-300", "std_lon_m"),

@@ -164,6 +164,14 @@ def test_nothing_is_written_through_a_link_in_a_folder(link, target, words, scen
     assert not list((tmp_path / "outside").iterdir())
 
 
+def test_a_folder_named_like_that_of_a_user_is_in_the_working_folder(scene, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["score", "--truth", str(scene), "--tracks", str(scene), "--quiet", "--out"]
+    assert run_command_line([*words, "~/x"]) == 0
+    assert run_command_line(["report", "~/x"]) == 0
+    assert (tmp_path / "~" / "x" / "report.html").is_file()
+
+
 def test_an_exported_run_stays_within_its_folder(scene, tmp_path, capsys):
     config = (scene / "config.toml").read_text()
     (scene / "config.toml").write_text(config.replace('name = "mmpf"', 'name = "../../../../escaped"'))
