@@ -11,6 +11,9 @@ from typing import TextIO
 LEAST_COPY = min(4096, getrlimit(RLIMIT_NOFILE)[0]) // 2
 """Copies of streams have descriptors from here on, so that code that closes the first few hundred leaves them open."""
 
+HERE = "/proc/self/cwd"
+"""A link to the working folder, which may be read where that was deleted."""
+
 
 def open_missing_streams() -> None:
     """Open as nowhere what is closed of stdin, stdout and stderr, as some schedulers start programs."""
@@ -22,7 +25,7 @@ def open_missing_streams() -> None:
 
 @contextmanager
 def streams_and_depth_kept() -> Iterator[None]:
-    """Put stdout and stderr, and how deep calls may go, back as they were, whatever is done to them in the block.
+    """Put stdout, stderr, the working folder, and how deep calls may go, back as they were, whatever the block does.
 
     The block may lead their descriptors elsewhere: what was written before is flushed, and what it writes in it too.
     """
@@ -32,11 +35,13 @@ def streams_and_depth_kept() -> Iterator[None]:
     ]
     for _, _, stream, _ in kept:
         _flush(stream)
-    deepest = sys.getrecursionlimit()
+    deepest, here = sys.getrecursionlimit(), os.readlink(HERE)
     try:
         yield
     finally:
         sys.setrecursionlimit(max(deepest, sys.getrecursionlimit()))
+        with suppress(OSError):  # it was deleted
+            os.chdir(here)
         for number, name, stream, copy in kept:
             _flush(stream)
             with suppress(OSError):  # the copy was closed

@@ -132,6 +132,15 @@ def test_what_a_tracker_does_to_the_streams_has_no_effect(where, does, tmp_path,
     assert process.returncode == 0
 
 
+@pytest.mark.parametrize("where", ["step", "make"])
+def test_a_tracker_that_goes_to_another_folder_moves_no_results(where, tmp_path, scene, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    words = ("run", "--replay", str(scene), "--tracker", "bad:make", "--quiet", "--out", "out")
+    assert run_with(tmp_path, scene, monkeypatch, words=words, **{where: "os.chdir('..')"}) == 0
+    assert (tmp_path / "here" / "out" / "metrics.json").is_file()
+
+
 @pytest.mark.parametrize("where", ["step", pytest.param("make", marks=pytest.mark.slow)])
 def test_a_tracker_that_closes_files_of_the_run_is_named(where, tmp_path, scene):
     code, told = of_a_fork(tmp_path, scene, **{where: "os.closerange(0, 60)"})
