@@ -25,6 +25,7 @@ from harness.common.error_text import in_words
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.files import NO_ROOM
 from harness.common.signals import code_of_end, ends_like_ctrl_c, told_to_end
+from harness.common.streams import HERE
 from mmpf.registry import Entry, Registry, UnknownNameError
 
 AS_TYPED = (InputError, UnknownNameError, RunError, RunInterruptedError)
@@ -80,7 +81,7 @@ Then compare with another tracker on the same detections:
 def run_command_line(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code, one of ``harness.common.exit_codes.MEANINGS``."""
     called = next((word for word in arguments if not word.startswith("-")), None)
-    if (checkout := other_checkout(Path.cwd(), Path(__file__).parents[2])) is not None:
+    if (checkout := other_checkout(Path(os.readlink(HERE)), Path(__file__).parents[2])) is not None:
         line = (
             f"warning: this runs the copy in {Path(__file__).parents[2]}, not the checkout {checkout} that you stand in"
         )

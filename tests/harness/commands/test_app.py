@@ -95,6 +95,14 @@ def test_an_installed_copy_says_so_where_the_user_stands_in_a_checkout(tmp_path,
     assert f"not the checkout {tmp_path} that you stand in" in capsys.readouterr().err
 
 
+def test_what_needs_no_folder_works_where_the_working_folder_was_deleted(tmp_path, monkeypatch, capsys):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert complaint(["nets"], capsys)[::2] == (0, "")
+    assert complaint(["report", "run"], capsys)[::2] == (2, "error: RUN: there is no folder run\n")
+
+
 def test_overview_loads_nothing_heavy():
     heavy = "libsumo pandas numba matplotlib sklearn stonesoup scipy pyarrow numpy pydantic"
     script = (
