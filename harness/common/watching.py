@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +22,8 @@ from harness.common.isolation import end_with_parent
 from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c
 from harness.common.streams import open_missing_streams
 
+LONGEST_END_S = 2.0
+"""So long what external code has started may go on once the work is done."""
 NAMES_CODE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 
 
@@ -55,8 +58,7 @@ def watched(command: str, arguments: Sequence[str]) -> int:
             # All is done and told: what ends the process from here on must not look like an error.
             for end in CODES:
                 signal.signal(end, signal.SIG_IGN)
-        with suppress(OSError):  # external code has closed it: the parent tells
-            os.write(pipe, pickle.dumps((code, None)))
+        _tell(pipe, (code, None))
         return code
     named = ", ".join(code_named(arguments)) or "a plug-in or a library that the command uses"
     try:
@@ -110,7 +112,22 @@ def answer() -> None:
         told = None, error
     except BaseException as error:  # whatever external code raises
         told = None, RunError(str(error))
-    os.write(writing, pickle.dumps(told))
+    _tell(writing, told)
+
+
+def _tell(writing: int, told: tuple[Any, BaseException | None]) -> None:
+    """Tell through a pipe what came of the work; threads and the like that never end hold this process up for a while.
+
+    What they print from here on goes to stderr: whoever reads stdout has the whole result.
+    """
+    with suppress(OSError):  # external code has closed it: the parent tells
+        os.write(writing, pickle.dumps(told))
+    with suppress(AttributeError, OSError, ValueError):  # there is none, its reader is gone, or it is closed
+        sys.stdout.flush()
+        os.dup2(2, 1)
+    end = threading.Timer(LONGEST_END_S, lambda: os._exit(RUN_FAILED))
+    end.daemon = True
+    end.start()
 
 
 def _tell_of_exits(writing: int) -> None:

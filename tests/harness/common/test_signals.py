@@ -90,6 +90,22 @@ def test_a_signal_that_comes_while_modules_are_read_ends_without_a_traceback():
     assert (ended.returncode, ended.stdout, ended.stderr) == (exit_codes.INTERRUPTED, "", "")
 
 
+@pytest.mark.parametrize(
+    "leaves",
+    [
+        "threading.Thread(target=time.sleep, args=(60,)).start()",
+        "atexit.register(print, 'later')",
+    ],
+)
+def test_what_a_finished_command_leaves_behind_neither_holds_it_up_nor_is_heard(leaves, tmp_path):
+    imports, told = "import atexit, multiprocessing, threading, time", "print('done')\n    return 7"
+    (tmp_path / "left.py").write_text(f"{imports}\ndef work(words):\n    {leaves}\n    {told}\n")
+    call = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from harness.common.watching import watched"
+    words = [sys.executable, "-c", f"{call}; sys.exit(watched('left:work', []))"]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=30, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr.replace("later\n", "")) == (7, "done\n", "")
+
+
 def test_a_signal_that_is_ignored_as_under_nohup_stays_ignored():
     previous = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
