@@ -85,3 +85,26 @@ def _again(ignored: sys.UnraisableHookArgs) -> None:
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     _received.append(signal.Signals(number))
     raise _ToldToEndError
+
+
+_masks: dict[int, set[int]] = {}
+
+
+def _hold_at_fork() -> None:
+    # Python forgets a signal that comes to a fork before it has set that up.
+    _masks[threading.get_ident()] = signal.pthread_sigmask(signal.SIG_BLOCK, CODES)
+
+
+def _free_after_fork() -> None:
+    signal.pthread_sigmask(signal.SIG_SETMASK, _masks.pop(threading.get_ident()))
+
+
+def _end_as_usual_in_fork() -> None:
+    """Let a fork end by a signal without a traceback, for example a worker of a pool of external code."""
+    for end in CODES:
+        if signal.getsignal(end) is _interrupt:
+            signal.signal(end, signal.SIG_DFL)
+    _free_after_fork()
+
+
+os.register_at_fork(before=_hold_at_fork, after_in_parent=_free_after_fork, after_in_child=_end_as_usual_in_fork)

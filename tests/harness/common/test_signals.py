@@ -95,6 +95,7 @@ def test_a_signal_that_comes_while_modules_are_read_ends_without_a_traceback():
     [
         "threading.Thread(target=time.sleep, args=(60,)).start()",
         "atexit.register(print, 'later')",
+        "pool = multiprocessing.Pool(2); pool.map(abs, [1, 2]); pool.terminate()",
     ],
 )
 def test_what_a_finished_command_leaves_behind_neither_holds_it_up_nor_is_heard(leaves, tmp_path):
