@@ -30,6 +30,8 @@ SEEN = ["visible_fraction", "state", "in_range", "occluder_id"]
 KEYS = ["episode", "time_s"]
 OF_POSES = ["lon_m", "lat_m", "heading_rad", "speed_mps", "length_m", "width_m"]
 MOST_AT_ONCE = 2000
+ON_TIME = 0.1
+"""How far a row may be from a time of the truth to be of that time, as a share of a step."""
 
 
 def check_scene(place: str, rows: pd.DataFrame) -> None:
@@ -194,7 +196,7 @@ def detection_table(found: pd.DataFrame | None, truth: pd.DataFrame, clock: pd.D
         seen = truth[~truth["is_ego"] & ~truth["state"].isin(unseen)]
         rows = seen[["step", *KEYS, "lon_m", "lat_m", "visible_fraction"]].assign(truth_id=seen["vehicle_id"])
     else:
-        rows = on_clock(found, clock).reset_index(drop=True)
+        rows = on_clock(found, clock, "detections").reset_index(drop=True)
         if "id" not in found:
             rows["truth_id"] = _origins(rows, truth)
         seen_of = truth.set_index(["step", "vehicle_id"])["visible_fraction"]
@@ -224,9 +226,13 @@ def _origins(rows: pd.DataFrame, truth: pd.DataFrame) -> list[str]:
     return [str(name) for name in origin]
 
 
-def on_clock(rows: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows whose time is within half a step of a step's, with its ``step`` and time, and how far ``off``."""
-    steps = clock.sort_values("own").rename(columns={"time_s": "at_s"})
+def on_clock(rows: pd.DataFrame, clock: pd.DataFrame, role: str) -> pd.DataFrame:
+    """Return the rows at a step's time, with its ``step`` and time, and how far ``off``; others are left out.
+
+    Raises:
+        InputError: Rows are between two steps, so that their places are those of another time.
+    """
+    step_s, steps = _step_of(clock), clock.sort_values("own").rename(columns={"time_s": "at_s"})
     rows = rows.drop(columns=["step", "own", "at_s"], errors="ignore").astype({"time_s": np.float64})
     near = pd.merge_asof(
         rows.sort_values("time_s", kind="stable"),
@@ -235,8 +241,12 @@ def on_clock(rows: pd.DataFrame, clock: pd.DataFrame) -> pd.DataFrame:
         right_on="own",
         by="episode" if "episode" in rows else None,
         direction="nearest",
-        tolerance=0.5 * _step_of(clock) + 1e-6,  # type: ignore[arg-type]  # of floats a float, says pandas
+        tolerance=0.5 * step_s + 1e-6,  # type: ignore[arg-type]  # of floats a float, says pandas
     )
     near = near[near["step"].notna()]
     off = (near["time_s"] - near["own"]).abs()
+    if len(between := near[off > ON_TIME * step_s + 1e-6]):
+        at_s, own_s = between[["time_s", "own"]].iloc[0]
+        told = f"{len(between)} rows are between the truth's times, the first at {at_s:.3f} s (nearest: {own_s:.3f} s)"
+        raise InputError(f"`{role}`: {told}; give rows that are at most {ON_TIME * step_s:g} s from one of its times")
     return near.assign(off=off, step=near["step"].astype(np.int64), time_s=near["at_s"]).drop(columns=["own", "at_s"])

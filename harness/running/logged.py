@@ -238,7 +238,7 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
     """Return the tracks of each time, how many there are in words, and the number of rows that were left out."""
     clock = against.clock
     rows = complete.with_times(rows, against.moments)
-    placed = complete.on_clock(rows, clock)
+    placed = complete.on_clock(rows, clock, TRACKS)
     placed = placed.loc[placed.sort_values("off", kind="stable").drop_duplicates(["step", "id"]).index.sort_values()]
     if len(placed) < LEAST_PLACED * len(rows):
         found = f"{len(placed)} of the log's {len(rows)} rows are at a time of the truth"

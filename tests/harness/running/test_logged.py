@@ -189,6 +189,20 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> harness.Run:
     return harness.run(replay=write_recorded_scene(folder / "scene"), tracker="detections", out=folder / "run")
 
 
+def test_times_may_be_off_by_a_tenth_of_a_step_and_what_is_outside_of_the_truth_is_left_out(tmp_path, run, capfd):
+    tracks, path = pd.read_parquet(run.folder / runfolder.TRACKS), tmp_path / "log.parquet"
+    for late_s, code in ((0.0099, 0), (0.0101, 2), (0.05, 2)):
+        tracks.assign(time_s=tracks["time_s"] + late_s).to_parquet(path)
+        assert score(tmp_path, run.folder, path) == code
+        assert ("between the truth's times" in capfd.readouterr().err) == (code == 2)
+    assert metrics_of(tmp_path / "scored")["mot"] == metrics_of(run.folder)["mot"]
+    later = tracks.assign(time_s=tracks["time_s"] + 1.0)
+    later.to_parquet(path)
+    assert score(tmp_path, run.folder, path) == 0
+    outside = int((later["time_s"] > run.truth["time_s"].max() + 0.05).sum())
+    assert f"left out: {outside} at no time of the truth" in capfd.readouterr().err
+
+
 def test_a_log_of_a_run_has_the_run_s_own_scores(tmp_path, run):
     assert score(tmp_path, run.folder, run.folder / runfolder.TRACKS) == 0
     assert metrics_of(tmp_path / "scored") == metrics_of(run.folder)
