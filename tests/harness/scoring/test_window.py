@@ -49,11 +49,3 @@ def test_inside_the_window_a_stray_track_is_false_and_a_vehicle_without_one_is_m
     scores = scores_of(np.full(STEPS, 30.0), np.full(STEPS, 70.0))
     assert scores["mot_all"]["false_tracks"] == STEPS
     assert scores["mot_all"]["missed"] == STEPS
-
-
-def test_a_track_just_outside_counts_for_the_vehicle_just_inside():
-    inside = np.full(STEPS, WINDOW[1] - 4.5)
-    scores = scores_of(inside, inside + 1.5)
-    assert scores["mot_all"]["missed"] == 0
-    assert scores["mot_all"]["false_tracks"] == 0
-    assert scores["mae"]["visible"]["n"] == STEPS

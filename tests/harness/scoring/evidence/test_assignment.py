@@ -22,19 +22,6 @@ def test_the_chosen_pairs_have_the_greatest_sum_that_any_one_to_one_choice_has(s
     assert score[chosen].sum() == pytest.approx(best_sum(left, right, score, lefts, rights))
 
 
-def test_separate_problems_are_solved_as_if_each_stood_alone():
-    rng = np.random.default_rng(0)
-    problems = []
-    for _ in range(20):
-        left, right = np.nonzero(rng.random((4, 4)) < 0.5)
-        problems.append((left, right, rng.uniform(0.01, 1.0, len(left))))
-    alone = np.concatenate([best_assignment(*problem) for problem in problems])
-    left = np.concatenate([left + 4 * k for k, (left, _, _) in enumerate(problems)])
-    right = np.concatenate([right + 4 * k for k, (_, right, _) in enumerate(problems)])
-    together = best_assignment(left, right, np.concatenate([score for *_, score in problems]))
-    np.testing.assert_array_equal(together, alone)
-
-
 def test_no_pairs_give_no_assignment():
     none = np.zeros(0, dtype=np.int64)
     assert len(best_assignment(none, none, np.zeros(0))) == 0

@@ -75,15 +75,6 @@ def test_what_the_driver_would_do_is_that_of_the_run_in_one_piece(pieces):
         pd.testing.assert_frame_equal(joined, table)
 
 
-def test_intervals_over_stretches_are_near_those_over_the_run_in_one_piece(pieces):
-    scorer = RunScorer(seed=4)
-    for piece in pieces:
-        scorer.add(*piece)
-    expected = score_run(*in_one(pieces), seed=4).metrics["mae"]["all"]["lon_m_ci95"]
-    found = scorer.metrics()["mae"]["all"]["lon_m_ci95"]
-    assert found == pytest.approx(expected, abs=0.2 * (expected[1] - expected[0]))
-
-
 def test_a_metric_of_the_whole_run_lets_no_run_come_in_stretches(pieces, monkeypatch):
     monkeypatch.setattr(registry, "METRICS", copy.deepcopy(registry.METRICS))
     assert RunScorer().takes_stretches

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from harness.scoring.metrics.closedloop import (
-    BY_COLLISION,
     IN_TIME,
-    Contact,
     Crossed,
     DriveRecord,
     score_crossing,
@@ -60,21 +58,6 @@ def test_a_braking_that_the_belief_does_not_demand_is_missed_and_one_that_the_tr
     scored = score_drive(driven, IN_TIME, None)
     assert (scored["missed"], scored["phantom"]) == (1, 2)
     assert scored["phantom_per_km"] == pytest.approx(2 / 0.2)
-
-
-def test_the_jerk_of_a_sine_is_its_amplitude_times_its_square_frequency_over_root_two():
-    time_s, frequency = STEP_S * np.arange(STEPS), np.pi / 5.0
-    speed = 10.0 + np.sin(frequency * time_s)
-    nothing = np.zeros(STEPS)
-    scored = score_drive(DriveRecord(speed, nothing + np.inf, nothing, nothing, nothing, STEP_S), IN_TIME, None)
-    assert scored["jerk_mps3"] == pytest.approx(frequency**2 / np.sqrt(2.0), rel=0.02)
-
-
-def test_a_collision_is_a_whole_percentage_of_its_episode():
-    contact = Contact("v1", 2.0, 3.5, into=True)
-    scored = score_drive(stop_behind(5.0, 20.0, 4.0), BY_COLLISION, contact)
-    assert (scored["collided_percent"], scored["impact_mps"], scored["collided_with"]) == (100.0, 3.5, "v1")
-    assert score_drive(stop_behind(60.0, 20.0, 4.0), IN_TIME, None)["impact_mps"] is None
 
 
 def test_of_the_moments_at_which_the_truth_has_it_hold_those_count_at_which_it_goes():

@@ -28,19 +28,6 @@ def test_the_parts_are_averaged_over_steps():
     assert scores["mean"] == pytest.approx(7.0 / 4)
 
 
-@given(seed=st.integers(0, 2**32 - 1))
-def test_gospa_is_a_metric_between_sets(seed):
-    rng = np.random.default_rng(seed)
-    a, b, c = (rng.uniform(0, 6, (rng.integers(0, 4), 2)) for _ in range(3))
-
-    def distance(first, second):
-        return gospa_of([(first, second)])["mean"]
-
-    assert distance(a, a) == 0.0
-    assert distance(a, b) == pytest.approx(distance(b, a))
-    assert distance(a, c) <= distance(a, b) + distance(b, c) + 1e-9
-
-
 def brute_force(truth, track):
     best = np.inf
     for size in range(min(len(truth), len(track)) + 1):

@@ -9,10 +9,9 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from harness.analysis.curves import sums_and_weights
-from harness.scoring.gathered import gather
 from harness.scoring.metrics.hidden_cost import CRPS, gaussian_crps
 from harness.scoring.metrics.registry import view
-from tests.harness.scoring.scenes import Scene, score_run, traffic
+from tests.harness.scoring.scenes import Scene, score_run
 
 CUTOFF_M = 10.0
 SEEN, UNSEEN = list(range(5)), list(range(5, 10))
@@ -71,21 +70,6 @@ def test_cost_and_false_tracks_are_those_of_the_best_of_all_assignments(seed):
     assert gospa["mean"] == pytest.approx(gospa["localisation"] + gospa["missed"] + gospa["false"])
 
 
-def test_a_track_on_a_seen_vehicle_can_not_serve_a_hidden_one():
-    scene = hiding(Scene(STEPS).vehicle("seen", 30.0, detected=True), "gone", 34.0)
-    assert hidden_scores(scene.track(1, 30.5))["hidden_cost_m"] == CUTOFF_M
-    assert hidden_scores(scene.track(2, 36.0, at=UNSEEN))["hidden_cost_m"] == pytest.approx(2.0)
-
-
-def test_nobody_pays_less_by_letting_go_of_the_difficult_vehicles():
-    scene = hiding(hiding(Scene(STEPS), "near", 20.0), "far", 60.0).track(1, 20.0)
-    timid, bold = scene.tables(), scene.track(2, np.where(np.arange(STEPS) < 5, 60.0, 66.0)).tables()
-    timid, bold = (score_run(*tables).metrics for tables in (timid, bold))
-    assert timid["mae"]["hidden"]["position_m"] == 0.0 < bold["mae"]["hidden"]["position_m"]
-    assert timid["hidden"]["hidden_cost_m"] == pytest.approx(0.5 * CUTOFF_M)
-    assert bold["hidden"]["hidden_cost_m"] == pytest.approx(3.0)
-
-
 def test_vehicles_detected_twice_are_not_asked_for_and_their_tracks_not_false():
     told = hidden_scores(hiding(Scene(STEPS), "glimpsed", 30.0, detections=2).track(1, 30.0, at=range(3, 10)))
     assert (told["n"], told["hidden_cost_m"], told["false_hidden_tracks_per_scan"]) == (0, None, 0.0)
@@ -116,34 +100,6 @@ def test_tracks_that_change_vehicles_cost_by_identity_alone():
     assert told["hidden_cost_m"] == 0.0
     assert told["identity_cost_m"] == CUTOFF_M
     assert told["followed_percent"] == 100.0
-
-
-def test_the_vehicles_asked_for_do_not_depend_on_the_tracker():
-    truth, detections, tracks = traffic(steps=120)
-    whole, none = (gather(truth, detections, kept, 0).following for kept in (tracks, tracks.iloc[:0]))
-    np.testing.assert_array_equal(whole.hidden, none.hidden)
-    np.testing.assert_array_equal(whole.counted, none.counted)
-    assert score_run(truth, detections, tracks.iloc[:0]).metrics["hidden"]["hidden_cost_m"] == CUTOFF_M
-
-
-def test_the_cost_by_identity_is_that_of_the_error_table():
-    truth, detections, tracks = traffic(steps=200)
-    scored = score_run(truth, detections, tracks)
-    evidence = gather(truth, detections, tracks, 0)
-    asked = np.flatnonzero(evidence.following.hidden)
-    keys = {
-        (step, truth["vehicle_id"][row])
-        for step, row in zip(
-            evidence.rows.truth.step[asked].tolist(), evidence.rows.truth.name_row[asked].tolist(), strict=True
-        )
-    }
-    costs = [
-        min(CUTOFF_M, float(np.hypot(row.lon_error_m, row.lat_error_m))) if row.outcome == "tracked" else CUTOFF_M
-        for row in scored.errors.itertuples()
-        if (row.step, row.vehicle_id) in keys
-    ]
-    assert len(costs) == scored.metrics["hidden"]["n"] > 100
-    assert scored.metrics["hidden"]["identity_cost_m"] == pytest.approx(np.mean(costs))
 
 
 @pytest.mark.parametrize(("error_m", "std_m"), [(0.0, 1.0), (1.5, 0.7), (-6.0, 2.0), (3.0, 40.0)])

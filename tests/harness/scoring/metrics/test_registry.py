@@ -42,18 +42,6 @@ def test_a_registered_function_is_scored_and_its_nan_is_none(tables):
     assert score_run(*tables).metrics["toy"] == {"steps": 60, "nothing": None}
 
 
-def test_another_metrics_random_draws_leave_all_numbers_as_they_were(tables):
-    before = score_run(*tables).metrics
-
-    @register("toy")
-    def toy(evidence) -> dict[str, object]:
-        return {"drawn": np.random.default_rng(evidence.seed).random()}
-
-    after = score_run(*tables).metrics
-    assert after.pop("toy")["drawn"] == np.random.default_rng(0).random()
-    assert after == before
-
-
 def test_a_name_that_is_taken_and_a_quantity_of_another_metric_are_refused():
     with pytest.raises(ValueError, match="'mae' is registered already"):
         register("mae")(dict)
