@@ -83,16 +83,6 @@ def test_a_grid_against_itself_is_no_worse_however_few_seeds_it_has(tmp_path):
         assert comparison.outcome == NO_WORSE
 
 
-@pytest.mark.slow
-def test_other_metrics_get_a_verdict_where_they_are_named(tmp_path, capsys):
-    a = grid_folder(tmp_path / "a", mae__hidden__lon_m=wobbling(1.0))
-    b = grid_folder(tmp_path / "b", mae__hidden__lon_m=wobbling(2.0, 1))
-    assert run_command_line(["compare", a, b, "--quiet"]) == exit_codes.DONE
-    assert run_command_line(["compare", a, b, "--quiet", "--primary", "mae.hidden.lon_m"]) == exit_codes.WORSE
-    assert run_command_line(["compare", a, b, "--primary", "mae.hidden.lon"]) == exit_codes.WRONG_INPUT
-    assert "--primary mae.hidden.lon: no such metric" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("seeds", [3, 5])
 def test_a_catastrophe_is_worse_with_few_seeds_and_never_no_difference(seeds, tmp_path, capsys):
     """As in a trial: HOTA from 98 to 65, same identity from 100 to 0 %."""

@@ -81,25 +81,6 @@ def test_pairs_that_did_not_see_the_same_are_refused_and_then_not_paired(tmp_pat
     assert any("whole arms are compared" in note for note in found.notes)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("spoilt", ["a", "b"])
-@pytest.mark.parametrize(
-    ("kept", "told"),
-    [
-        (lambda t: t[~((t["density"] == 40.0) & t["seed"].isin([2, 3, 4, 7]))], "density 40: seeds 2 to 4, 7"),
-        (lambda t: t[t["density"] == 20.0], "density 40: seeds 0 to 9"),
-    ],
-)
-def test_runs_that_one_side_lacks_are_listed_and_never_no_worse(kept, told, spoilt, tmp_path, capsys):
-    a, b = (grid_folder(tmp_path / name, densities=(20.0, 40.0)) for name in "ab")
-    assert run_command_line(["compare", a, b, "--quiet"]) == exit_codes.DONE
-    edited(str(tmp_path / spoilt), kept)
-    assert run_command_line(["compare", a, b]) == exit_codes.UNDECIDED
-    message = " ".join(capsys.readouterr().err.split())
-    assert f"{spoilt} lacks" in message
-    assert told in message
-
-
 @pytest.mark.parametrize(
     ("metric", "value"),
     [

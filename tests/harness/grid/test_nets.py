@@ -15,10 +15,9 @@ from harness.grid.options import GridOptions
 from harness.grid.request import request_of
 from harness.grid.stress import run_stress
 from harness.report.folder_page import folder_page
-from harness.report.grid_runs import plan_of
 from harness.storage.schema import NET
 from tests.harness.analysis.test_curves import rows
-from tests.harness.grid.executors import ECHO, STEADY, InProcess, MadeUp
+from tests.harness.grid.executors import ECHO, STEADY, InProcess
 
 SMALL = GridRequest(net=None, nets="curve,junction", seeds="2", trackers=ECHO, duration_s=1.0)
 
@@ -116,18 +115,6 @@ def test_a_failed_cell_of_one_network_is_told_and_in_no_mean(finished):
     assert {(point["value"], point["seeds"]) for point in points if point["metric"] == "timing.tracker_ms.p50"} == {
         ("curve", 2), ("junction", 1),
     }  # fmt: skip
-
-
-@pytest.mark.slow
-def test_a_grid_of_networks_is_taken_up_with_one_more(tmp_path):
-    execute = MadeUp()
-    one = GridRequest(net=None, nets="curve", seeds="1", trackers=ECHO, duration_s=1.0)
-    run_stress(one, tmp_path / "grid", execute)
-    run_stress(GridRequest(**{**one.as_table(), "nets": "curve,priority"}), tmp_path / "grid", execute, resume=True)
-    assert [cell.config.traffic.net for cell in execute.cells] == ["curve", "priority"]
-    plan = plan_of(tmp_path / "grid")
-    assert plan is not None
-    assert [run.config.traffic.net for run in plan.runs] == ["curve", "priority"]
 
 
 @pytest.mark.slow

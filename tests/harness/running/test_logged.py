@@ -1,11 +1,6 @@
 """Logs of any origin are scored as runs are: the formats agree, what they lack is worked out, broken ones are told."""
 
 import json
-import math
-import re
-import shlex
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,8 +19,6 @@ from harness.running.open import open_snapshots
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.logs import LogFile
 from harness.truth.recorded.messages import read_bag
-from mmpf.scan import Scan
-from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.grid.executors import InProcess
 from tests.harness.recorded_scene import write_recorded_scene
@@ -227,17 +220,6 @@ def test_tables_score_like_the_folder_that_they_are_of(tmp_path, run, suffix):
 
 
 @pytest.mark.slow
-def test_two_logs_of_one_truth_can_be_compared(tmp_path, run):
-    worse = run.tracks.assign(lon_m=run.tracks["lon_m"] + 1.0)
-    worse.to_parquet(tmp_path / "worse.parquet")
-    for name, log in (("a", run.folder / runfolder.TRACKS), ("b", tmp_path / "worse.parquet")):
-        assert score(tmp_path / name, run.folder, log, "--name", "mine") == 0
-    found = harness.compare(tmp_path / "a" / "scored", tmp_path / "b" / "scored")
-    of = found.verdicts.set_index("metric")
-    assert of.loc["mot.hota", "b"] < of.loc["mot.hota", "a"]
-
-
-@pytest.mark.slow
 @pytest.mark.forks
 def test_a_recording_for_foxglove_is_read_back_unless_a_bit_of_a_chunk_or_the_summary_flips(tmp_path, run, capfd):
     (bag,) = run_export(run.folder, tmp_path / "mcap")
@@ -345,66 +327,6 @@ def test_a_text_in_a_number_column_of_a_log_is_one_line(column, tmp_path, run, c
 def run_export(folder: Path, out: Path, to: str = "mcap") -> list[Path]:
     assert run_command_line(["export", str(folder), "--to", to, "--out", str(out)]) == 0
     return sorted(out.glob("*.mcap"))
-
-
-class Inside:
-    """The arithmetic of docs/examples/exec_tracker.py as a tracker in Python."""
-
-    def __init__(self, setting, options):
-        self.rows, self.ids, self.last_s = [], iter(range(1, 10**6)), None
-
-    def step(self, scan: Scan) -> Tracks:
-        step_s, self.last_s = 0.1 if self.last_s is None else scan.time_s - self.last_s, scan.time_s
-        found = list(zip(scan.detections.lon_m.tolist(), scan.detections.lat_m.tolist(), strict=True))
-        for row in self.rows:
-            row["place"] = [at + rate * step_s for at, rate in zip(row["place"], row["rate"], strict=True)]
-            nearest = min(found, key=lambda place: math.dist(place, row["place"]), default=None)
-            if nearest is not None and math.dist(nearest, row["place"]) < 3.0:
-                found.remove(nearest)
-                off = [there - at for there, at in zip(nearest, row["place"], strict=True)]
-                row["place"] = [at + 0.5 * by for at, by in zip(row["place"], off, strict=True)]
-                row["rate"] = [rate + 0.3 * 0.5 * by / step_s for rate, by in zip(row["rate"], off, strict=True)]
-                row |= {"hits": row["hits"] + 1, "seen_s": scan.time_s}
-        self.rows = [row for row in self.rows if scan.time_s - row["seen_s"] < 1.5]
-        ego = scan.ego
-        rate = [ego.speed_mps * math.cos(ego.heading_rad), ego.speed_mps * math.sin(ego.heading_rad)]
-        self.rows += [
-            {"id": next(self.ids), "place": list(place), "rate": rate, "hits": 1, "seen_s": scan.time_s}
-            for place in found
-        ]
-        place = np.array([row["place"] for row in self.rows]).reshape(-1, 2)
-        speed, one = np.array([math.hypot(*row["rate"]) for row in self.rows]), np.ones(len(self.rows))
-        states = np.array([int(row["hits"] >= 3) for row in self.rows], dtype=np.int8)
-        ids = np.array([row["id"] for row in self.rows], dtype=np.int64)
-        return Tracks(ids, *place.T, speed, 0.0 * one, 0.0 * one, 0.3 * one, 0.2 * one, one, one, states)
-
-
-@pytest.mark.slow
-def test_a_tracker_in_python_the_same_as_a_program_and_as_a_log_have_the_same_scores(tmp_path):
-    scene = write_recorded_scene(tmp_path / "scene")
-    program = [sys.executable, str(Path(__file__).parents[3] / "docs" / "examples" / "exec_tracker.py")]
-    words = ["--replay", str(scene), "--tracker", f"exec:{shlex.join(program)}", "--out", str(tmp_path / "run")]
-    assert run_command_line(["run", *words, "--quiet"]) == 0
-    run = harness.open_run(tmp_path / "run")
-    assert run_command_line(["export", str(run.folder), "--to", "scans", "--out", str(tmp_path / "scans")]) == 0
-    text = (tmp_path / "scans" / "episode-0.txt").read_text()
-    times = {words[1]: float(words[2]) for words in map(str.split, text.splitlines()) if words[0] == "scan"}
-    done = subprocess.run(program, input=text, capture_output=True, text=True, check=True)
-    rows, time_s = [], 0.0
-    for words in map(str.split, done.stdout.splitlines()[1:]):
-        if words[0] == "tracks":
-            time_s = times[words[1]]
-        else:
-            rows.append([time_s, *words])
-    pd.DataFrame(rows, columns=["time_s", *Tracks.__dataclass_fields__]).to_csv(tmp_path / "log.csv", index=False)
-    assert score(tmp_path, run.folder, tmp_path / "log.csv") == 0
-    assert metrics_of(tmp_path / "scored") == metrics_of(run.folder)
-    inside = harness.run(replay=scene, tracker=Inside, out=tmp_path / "inside")
-    assert metrics_of(inside.folder) == metrics_of(run.folder)
-    for file in (tmp_path / "scans").iterdir():
-        assert not {"truth_id", "vehicle_id", "visible_fraction", "near", "far"} & set(
-            re.split(r"\W", file.read_text())
-        )
 
 
 BROKEN = {

@@ -101,10 +101,3 @@ def test_a_car_in_sight_that_brakes_as_nobody_foresaw_stays_one_track_that_knows
     assert len(names) == 1
     assert names != [0]
     assert worst_mps < 2.5
-
-
-@pytest.mark.slow
-def test_without_manoeuvres_a_model_that_knows_of_no_braking_follows_such_a_car_worse() -> None:
-    without = [braking_car({"begin_per_s": 0.0}, seed, "cvm") for seed in range(3)]
-    with_them = [braking_car({}, seed, "cvm") for seed in range(3)]
-    assert np.mean([worst for _, worst in without]) > 1.5 * np.mean([worst for _, worst in with_them])
