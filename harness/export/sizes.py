@@ -6,15 +6,17 @@ none. A detection is on a track if each is the other's nearest, within the gate 
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import cKDTree
 
 from harness.running.finished import RecordedRun
 from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
 from harness.storage.schema import NOMINAL_LENGTH_M, NOMINAL_WIDTH_M
-from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, IntArray
 
 SIZE = ["length_m", "width_m"]
 NOMINAL_M = (NOMINAL_LENGTH_M, NOMINAL_WIDTH_M)
+BETWEEN_STEPS = 1e-6
+"""Part of a step that counts as much as the gate: steps lie apart in one tree."""
 
 
 def detection_sizes(found: pd.DataFrame) -> FloatArray:
@@ -39,20 +41,13 @@ def track_sizes(run: RecordedRun, episode: IntArray, track_id: IntArray) -> Floa
 
 def _mutual_nearest(tracks: pd.DataFrame, detections: pd.DataFrame) -> tuple[IntArray, IntArray]:
     """Return the rows of tracks and of detections that are each other's nearest in their step, within the gate."""
-    scale = np.array([GATE_LON_M, GATE_LAT_M])
     here, there = (
-        np.column_stack([floats(table, "lon_m"), floats(table, "lat_m")]) / scale for table in (tracks, detections)
+        table[["lon_m", "lat_m", "step"]].to_numpy(dtype=np.float64) / (GATE_LON_M, GATE_LAT_M, BETWEEN_STEPS)
+        for table in (tracks, detections)
     )
-    rows_there = detections.groupby("step").indices
-    pairs = [np.zeros((0, 2), dtype=np.int64)]
-    for step, mine in tracks.groupby("step").indices.items():
-        if (theirs := rows_there.get(step)) is None:
-            continue
-        off = here[mine][:, None] - there[theirs][None]
-        far = np.hypot(off[..., 0], off[..., 1])
-        nearest = far.argmin(axis=1)
-        each = np.arange(len(mine))
-        mutual = (far.argmin(axis=0)[nearest] == each) & (np.abs(off[each, nearest]) <= 1.0).all(axis=1)
-        pairs.append(np.column_stack([mine[mutual], theirs[nearest[mutual]]]))
-    both = np.concatenate(pairs)
-    return both[:, 0], both[:, 1]
+    if not len(here) or not len(there):
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    nearest, back = (np.asarray(cKDTree(b).query(a)[1]) for a, b in ((here, there), (there, here)))
+    row = np.flatnonzero(back[nearest] == np.arange(len(here)))
+    row = row[(np.abs(here[row] - there[nearest[row]]) <= 1.0).all(axis=1)]
+    return row, nearest[row]

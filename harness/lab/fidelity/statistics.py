@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from harness.lab.fidelity.fields import BIN_S, CELL_M, Fields
 from mmpf.numerics.arrays import FloatArray
@@ -135,11 +136,8 @@ def wave_speed(speeds: Sequence[FloatArray]) -> float:
 def _changes(speed: FloatArray) -> FloatArray:
     """Return speed less its moving average over time, the ends mirrored; empty cells count as unchanged."""
     filled = np.where(np.isnan(speed), np.nanmean(speed, axis=1, keepdims=True), speed)
-    reach = min(TREND_BINS, speed.shape[1] - 1)
-    mirrored = np.pad(filled, ((0, 0), (reach, reach)), mode="reflect")
-    total = np.cumsum(np.pad(mirrored, ((0, 0), (1, 0))), axis=1)
-    width = 2 * reach + 1
-    return np.asarray(filled - (total[:, width:] - total[:, :-width]) / width)
+    width = 2 * min(TREND_BINS, speed.shape[1] - 1) + 1
+    return np.asarray(filled - uniform_filter1d(filled, width, axis=1, mode="mirror"))
 
 
 def _lag_of_greatest_correlation(changes: Sequence[FloatArray], cells: int, lags: range) -> float | None:
