@@ -38,7 +38,7 @@ def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> li
     """Return what was typed, with a value after each option that may be typed without one.
 
     Raises:
-        InputError: After an option that needs a value stands another option.
+        InputError: After an option that needs a value stands another option, or after ``--json`` a file.
     """
     named = {f"--{name.replace('_', '-')}": entry for name, entry in _entries(command).items()}
     alone = {name: entry.option.alone for name, entry in named.items() if entry.option.alone}
@@ -47,6 +47,9 @@ def with_values(command: Callable[..., Outcome], arguments: Sequence[str]) -> li
     for word, after in zip(arguments, [*arguments[1:], "--"], strict=True):
         if word in valued and after in named:
             raise InputError(f"{word}: needs a value, not {after}; --help has options and examples")
+        file = after if word == "--json" else word.partition("--json=")[2]
+        if file.endswith(".json"):
+            raise InputError(f"--json: takes no file, it prints on stdout; write --json > {file}")
         completed.append(word)
         if word in alone and after.startswith("-"):
             completed.append(str(alone[word]))

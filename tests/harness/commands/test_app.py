@@ -47,6 +47,11 @@ def complaint(arguments: list[str], capsys) -> tuple[int, str, str]:
         (["run", "--set", "nonsense"], "--set"),
         (["run", "--unknown"], "--unknown"),
         (["run", "--video", "--out", "run"], "--video: needs a value"),
+        (
+            ["compare", "a", "b", "--json", "out.json"],
+            "--json: takes no file, it prints on stdout; write --json > out.json",
+        ),
+        (["run", "--json=out.json"], "--json: takes no file"),
         (["run", "surplus"], "surplus"),
         (["nosuch"], "nosuch"),
         (["settings", "nonsense"], "nonsense"),
