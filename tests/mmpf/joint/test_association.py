@@ -56,16 +56,6 @@ def test_no_component_and_no_detection_is_claimed_more_than_once(seed: int, comp
     assert ((marginals.unexplained > 0.0) & (marginals.unexplained <= 1.0)).all()
 
 
-@given(st.integers(0, 10_000))
-@settings(deadline=None)
-def test_the_order_of_components_and_detections_does_not_matter(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    evidence, missed = np.exp(rng.normal(0.0, 2.0, (4, 5))), rng.uniform(0.1, 1.0, 4)
-    rows, columns = rng.permutation(4), rng.permutation(5)
-    shuffled = associate(np.ascontiguousarray(evidence[rows][:, columns]), missed[rows], BIRTH)
-    assert shuffled.probability == pytest.approx(associate(evidence, missed, BIRTH).probability[rows][:, columns])
-
-
 def assert_exact(evidence: FloatArray, missed: FloatArray, rel: float) -> None:
     marginals = associate(evidence, missed, BIRTH)
     for found, exact in zip((marginals.probability, marginals.unexplained), enumerated(evidence, missed), strict=True):

@@ -59,15 +59,6 @@ def test_a_particles_factor_is_what_a_miss_and_each_offered_detection_say_for_it
             assert factor[n] == pytest.approx(1.0 - detected[n] + detected[n] * seen)
 
 
-def test_without_detections_only_the_miss_counts() -> None:
-    _, weight, detected, density = random_case(0)
-    nothing = gated(np.zeros_like(density))
-    evidence, _ = association_evidence(weight, STARTS, detected, nothing, 0)
-    assert evidence.shape == (len(SIZES), 0)
-    factor = particle_factors(detected, STARTS, nothing, np.zeros((len(SIZES), 0)))
-    assert factor == pytest.approx(1.0 - detected)
-
-
 @pytest.mark.parametrize("offset", [0.0, -900.0, 700.0])
 def test_weights_sum_to_one_in_each_component_however_small_or_large_they_were(offset: float) -> None:
     log_weight = np.random.default_rng(1).normal(offset, 3.0, STARTS[-1])

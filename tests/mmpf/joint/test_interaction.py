@@ -31,11 +31,6 @@ def factors(mixture: Mixture, strength: float, is_seen: tuple[bool, bool] = (Fal
     return room_beside_seen_vehicles(mixture, component_moments(mixture), np.array(is_seen), plane, strength)
 
 
-def test_far_from_every_seen_vehicle_nothing_is_lost() -> None:
-    assert factors(hidden_beside_seen(30.0, 0.0), 0.9).tolist() == [1.0] * 7
-    assert factors(hidden_beside_seen(0.0, 5.0), 0.9).tolist() == [1.0] * 7
-
-
 @pytest.mark.parametrize("strength", [0.0, 0.1, 0.9, 3.0])
 def test_right_on_a_seen_vehicle_the_exponent_is_the_strength_and_the_seen_one_loses_nothing(strength: float) -> None:
     assert factors(hidden_beside_seen(0.0, 0.0), strength) == pytest.approx([np.exp(-strength)] * 4 + [1.0] * 3)

@@ -18,7 +18,6 @@ from mmpf.joint.kinds import (
     LEVELS,
     SHADING,
     SHAPE,
-    STANDING,
     VEHICLE,
     Sightings,
     normalised,
@@ -132,50 +131,6 @@ def test_the_posterior_sums_to_one_and_is_never_certain(scans: list[tuple[float,
         assert found.components.kinds.sum() == pytest.approx(1.0)
         assert abs(log_odds(found.components)) <= MOST_LOG_ODDS + 1e-6
         assert 0.0 <= found.components.existence[0] <= OPTIONS.joint.existence.largest
-
-
-@pytest.mark.parametrize("rate", [0.35, 0.65, 0.95])
-def test_who_lasts_and_moves_like_a_vehicle_is_one_however_rarely_it_is_detected(rate: float) -> None:
-    """Of false objects hardly any lasts for eight mean lives; so much is the log odds' gain, whatever the rate."""
-    rng = np.random.default_rng(1)
-    found = source(kinds=newborn())
-    odds = [log_odds(found.components)]
-    for _ in range(int(8.0 * OPTIONS.joint.false_objects.life_s / DT_S)):
-        found = scanned(found, seen_as(CLEAR * (rng.random() < rate)))
-        odds.append(log_odds(found.components))
-    assert odds[-1] > MOST_LOG_ODDS - 1.0
-    assert min(odds) > odds[0] - 2.0, "the rate alone says something of the level, once"
-
-
-def test_a_run_of_misses_says_nothing_of_the_kind_or_of_existence() -> None:
-    before = source(kinds=newborn(), existence=np.array([0.7]))
-    alive, _ = ended_meanwhile(before.components, NOTHING, DT_S, OPTIONS.joint)
-    after = scanned(before, seen_as(0.0, run=1.0), was_seen=False).components
-    assert after.existence == pytest.approx([alive.sum()])
-    assert after.kinds == pytest.approx(normalised(alive))
-
-
-def test_in_shadow_misses_say_little_and_in_plain_view_they_say_that_nobody_is_there() -> None:
-    def missed(in_shadow: float) -> Sources:
-        found = source(kinds=newborn())
-        for _ in range(10):
-            found = scanned(found, seen_as(0.0, in_shadow), was_seen=False)
-        return found.components
-
-    hidden, in_view = missed(0.02), missed(IN_VIEW)
-    assert in_view.vehicle[0] < 0.2
-    assert hidden.vehicle[0] > 0.6
-    assert vehicle_share(hidden.kinds)[0] > 0.8 * vehicle_share(newborn())[0]
-
-
-def test_a_false_object_that_is_missed_in_plain_view_has_probably_ended() -> None:
-    kinds = np.zeros((1, *SHAPE))
-    kinds[:, STANDING, 0, -1] = 1.0
-    found = source(0.0, kinds=kinds, existence=np.array([1.0]))
-    for _ in range(5):
-        found = scanned(found, seen_as(0.0), was_seen=False)
-    assert found.components.ended[0, 0].sum() > 0.99
-    assert found.components.existence[0] < 0.01
 
 
 def test_a_speed_counts_as_it_is_at_present_and_is_not_summed_up() -> None:

@@ -66,13 +66,6 @@ def test_a_floor_below_exact_noise_leaves_the_covariance_of_the_two_places(std_l
     assert likelihoods_of(mixture, detections, np.inf).values == pytest.approx(expected, rel=1e-9)
 
 
-def test_noise_that_is_told_to_be_uncorrelated_weighs_as_noise_of_which_nothing_is_told() -> None:
-    belief = belief_of([spread_around(30.0, 5.0, 300, 1)])
-    silent = detections_at([(31.0, 5.5)])
-    told = likelihoods_of(belief, replace(silent, correlation=np.zeros(1)), np.inf)
-    np.testing.assert_allclose(told.values, likelihoods_of(belief, silent, np.inf).values, rtol=1e-12)
-
-
 @pytest.mark.parametrize("axis", [LON, LAT])
 @pytest.mark.parametrize(("share", "inside"), [(0.98, True), (-0.98, True), (1.02, False), (-1.02, False)])
 def test_the_gate_is_as_wide_as_component_and_measurement_together_in_each_direction(

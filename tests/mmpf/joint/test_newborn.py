@@ -19,7 +19,6 @@ from mmpf.joint.kinds import (
     SHAPE,
     STANDING,
     VEHICLE,
-    mean_detectability,
     vehicle_share,
 )
 from mmpf.joint.known import Known
@@ -105,27 +104,6 @@ def test_the_first_scans_prior_is_that_of_places_that_nobody_had_been_looking_at
     assert share_of(first) > KINDS.confirm_above
 
 
-def test_with_no_false_object_for_long_what_appears_in_plain_view_is_a_vehicle() -> None:
-    assert share_of(born(1.0, learned=counted(0.0, 1e4))) > 1.0 - newborn.LEAST_PRIOR - 0.03
-
-
-@given(shares, st.floats(0.0, 100.0), st.floats(0.0, 100.0))
-def test_the_more_false_objects_were_found_the_fewer_of_the_new_are_vehicles(
-    in_view: float, first: float, second: float
-) -> None:
-    fewer, more = sorted([first, second])
-    priors = [share_of(born(in_view, learned=counted(number, 60.0))) for number in (fewer, more)]
-    assert priors[0] >= priors[1] - 1e-9
-
-
-@given(shares, shares)
-def test_the_better_a_vehicle_would_have_been_known_before_the_less_is_a_new_one_that(
-    first: float, second: float
-) -> None:
-    less, more = sorted([first, second])
-    assert share_of(born(less)) >= share_of(born(more)) - 1e-9
-
-
 def test_of_those_that_are_detected_the_well_detectable_are_the_more() -> None:
     """By Bayes' rule: the share of a level times how probably it is detected, for vehicles and for false objects."""
     kinds = born(0.0)[0].sum(axis=1)
@@ -138,16 +116,6 @@ def test_of_those_that_are_detected_the_well_detectable_are_the_more() -> None:
         assert kinds[kind] / kinds[kind].sum() == pytest.approx(expected / expected.sum())
     standing = kinds[STANDING].sum() / kinds[FALSE].sum()
     assert standing == pytest.approx(OPTIONS.false_objects.standing_share)
-
-
-def test_a_vehicle_first_detected_in_plain_view_had_probably_been_overlooked() -> None:
-    def level(in_view: float) -> float:
-        vehicles = np.zeros((1, *SHAPE))
-        kinds = born(in_view)
-        vehicles[:, VEHICLE] = kinds[:, VEHICLE] / kinds[:, VEHICLE].sum()
-        return float(mean_detectability(vehicles)[0])
-
-    assert level(1.0) < level(0.5) < level(0.0)
 
 
 @pytest.mark.parametrize("scan_s", [0.05, 0.1, 0.2])
@@ -168,10 +136,6 @@ def test_a_detection_in_a_shadow_tells_by_bayes_rule_that_the_source_is_seen_pas
     ):
         expected = np.array([usual[0] * seen_share, usual[1] * seen_share**0.5, usual[2]])
         assert kinds[kind] / kinds[kind].sum() == pytest.approx(expected / expected.sum())
-
-
-def test_what_is_detected_deep_in_a_shadow_is_the_less_a_vehicle() -> None:
-    assert share_of(born(0.0, seen_share=0.02)) < share_of(born(0.0, seen_share=0.3)) < share_of(born(0.0))
 
 
 def test_where_the_question_is_not_asked_all_are_vehicles() -> None:
