@@ -21,6 +21,7 @@ from harness.common.exit_codes import RUN_FAILED
 from harness.common.isolation import end_with_parent
 from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c
 from harness.common.streams import open_missing_streams
+from mmpf.registry import SET_ASIDE
 
 LONGEST_END_S = 2.0
 """So long what external code has started may go on once the work is done."""
@@ -33,6 +34,18 @@ def code_named(arguments: Sequence[str]) -> list[str]:
     return [word for word in words if NAMES_CODE.fullmatch(word)]
 
 
+def set_folder_aside() -> None:
+    """Let modules come from the working folder, where Python looks first, only once a plug-in is asked for.
+
+    Libraries look for optional modules of common names, such as ``yaml``, and would run whatever there has that name.
+    """
+    with suppress(OSError):  # the folder was deleted
+        here = Path.cwd()
+        if sys.path[0] in ("", str(here)) and here != Path(__file__).resolve().parents[2]:
+            del sys.path[0]
+            SET_ASIDE.append(str(here))
+
+
 def watched(command: str, arguments: Sequence[str]) -> int:
     """Run a command in a child process and return its exit code; in the child this returns as well.
 
@@ -42,6 +55,7 @@ def watched(command: str, arguments: Sequence[str]) -> int:
         command: ``module:function``, which takes the command's words and returns an exit code.
     """
     open_missing_streams()
+    set_folder_aside()
     if hasattr(sys.stderr, "reconfigure"):
         # Lines of several processes mix unless each is one write, which PYTHONUNBUFFERED=1 prevents.
         sys.stderr.reconfigure(line_buffering=True, write_through=False)
@@ -103,6 +117,7 @@ def survived(function: str, arguments: tuple[object, ...], named: str) -> Any:  
 def answer() -> None:
     """Do the work of the process that ``survived`` starts: call, and tell what came of it."""
     end_with_parent()
+    set_folder_aside()
     writing = int(sys.argv[1])
     _tell_of_exits(writing)
     told: tuple[Any, BaseException | None]

@@ -86,8 +86,9 @@ class _Worker:
     def __post_init__(self) -> None:
         self.connection, theirs = Pipe()
         paths = os.pathsep.join(path for path in sys.path if path)
+        aside = "from harness.common.watching import set_folder_aside as aside; aside()"
         self.process = subprocess.Popen(
-            [sys.executable, "-c", f"from {self.module} import main; main()", str(theirs.fileno())],
+            [sys.executable, "-c", f"{aside}; from {self.module} import main; main()", str(theirs.fileno())],
             env=os.environ | ONE_THREAD | {"PYTHONPATH": paths},
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,

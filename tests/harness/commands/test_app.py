@@ -149,6 +149,14 @@ def test_a_misspelt_network_is_refused_before_anything_slow_is_imported():
     assert (answer.stdout, "--net us102: no such network" in answer.stderr) == ("[]\n", True)
 
 
+@pytest.mark.parametrize(("words", "is_run"), [(["nets"], False), (["check-tracker", "numexpr:none"], True)])
+def test_a_module_of_the_working_folder_is_run_only_where_it_is_named(words, is_run, tmp_path):
+    (tmp_path / "numexpr.py").write_text("open('run', 'w').close()")  # pandas looks for this one
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    told = subprocess.run([sys.executable, "-m", "harness", *words], cwd=tmp_path, env=environment, check=False)
+    assert (told.returncode, (tmp_path / "run").exists()) == (2 * is_run, is_run)
+
+
 @pytest.mark.slow
 def test_json_is_all_that_is_on_stdout(tmp_path):
     command = ["run", "--density", "5", "--duration", "1", "--particles", "50", "--json"]
