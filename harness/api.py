@@ -12,12 +12,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict, Unpack
 
 import pandas as pd
 
-from harness.common.error_text import shown
+from harness.common.error_text import drawing, shown
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.untrusted_files import read_json
 from harness.common.watching import survived
@@ -287,11 +288,13 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             raise InputError("`resume`: name the folder of the run; for example `out` results/cam")
         config = _run_config(values)
         # Only now: what is wrong with the input is told before anything heavy is imported.
-        from harness.report import page, pictures, video  # noqa: PLC0415
+        from harness.report import page  # noqa: PLC0415
         from harness.running import open as opening  # noqa: PLC0415
         from harness.running import run as running  # noqa: PLC0415
 
         if values["video"] is not None:
+            with drawing("video"):
+                video = import_module("harness.report.video")
             video.check_film(values["video"], values["force"])
         if values["gui"]:
             opening.check_gui(config)
@@ -302,14 +305,20 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
             resume=values["resume"],
             command=command,
             quiet=quiet,
-            draw=running.Drawing(pictures.draw_figures, page.write_run_page),
+            draw=running.Drawing(_draw_figures, page.write_run_page),
             open_snapshots=partial(
                 opening.open_snapshots, simulate=partial(opening.simulate, gui=values["gui"]), ahead=not values["gui"]
             ),
         )
         if values["video"] is not None:
-            video.write_video(finished.folder, values["video"], values["force"])
+            with drawing("video"):
+                video.write_video(finished.folder, values["video"], values["force"])
         return finished
+
+
+def _draw_figures(folder: Path, pictured: object) -> None:
+    # Matplotlib may refuse the user's settings of it, which must not end a run.
+    import_module("harness.report.pictures").draw_figures(folder, pictured)
 
 
 def folder_of_run(options: Mapping[str, object], command: str, quiet: bool) -> Path:

@@ -6,6 +6,7 @@ from typing import Annotated, TypedDict
 
 import typer
 
+from harness.common.error_text import drawing
 from harness.common.errors import InputError
 from harness.common.progress import working
 from harness.config import options as shared
@@ -74,9 +75,10 @@ def command(options: Options) -> None:
                 folder, to, options["out"], force, lambda line: typer.echo(line, err=True), packed=options["gzip"]
             )
         if video is not None:
-            from harness.report.video import write_video  # noqa: PLC0415
+            with drawing("video"):
+                from harness.report.video import write_video  # noqa: PLC0415
 
-            files.append(write_video(folder, video, force))
+                files.append(write_video(folder, video, force))
     tell_edited(folder, "folder")
     if options["json"]:
         typer.echo(json.dumps({"files": [str(file) for file in files]}))

@@ -6,6 +6,7 @@ from typing import Annotated, TypedDict
 
 import typer
 
+from harness.common.error_text import drawing
 from harness.config import options as shared
 from harness.config.options import Option
 from harness.storage.manifest import tell_edited
@@ -42,9 +43,11 @@ def command(options: Options) -> None:
     from harness.report.folder_page import write_page  # noqa: PLC0415
 
     if options["figures"] is not None:
-        from harness.report.pictures import write_pictures  # noqa: PLC0415
+        with drawing("figures"):
+            from harness.report.pictures import write_pictures  # noqa: PLC0415
 
-        for picture in write_pictures(options["folder"], options["figures"]):
+            pictures = write_pictures(options["folder"], options["figures"])
+        for picture in pictures:
             typer.echo(str(picture), err=True)
     page = write_page(options["folder"])
     tell_edited(options["folder"], "folder")

@@ -6,13 +6,13 @@ import difflib
 import os
 import sysconfig
 import traceback
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
-from harness.common.errors import RunError
+from harness.common.errors import InputError, RunError
 
 if TYPE_CHECKING:  # `--help` answers sooner without pydantic
     from pydantic import ValidationError
@@ -95,6 +95,24 @@ def is_own_fault(error: BaseException) -> bool:
         kind = error.obj if isinstance(error.obj, type | ModuleType) else type(error.obj)
         return getattr(kind, "__module__", kind.__name__).partition(".")[0] in PACKAGES
     return isinstance(error, NameError | ImportError | AssertionError | NotImplementedError)
+
+
+@contextmanager
+def drawing(parameter: str) -> Iterator[None]:
+    """Turn what matplotlib raises in the block, over the user's settings of it for example, into one line.
+
+    Raises:
+        InputError: It raised something; the message names the parameter that asks for the picture.
+    """
+    try:
+        yield
+    except (InputError, RunError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        if is_own_fault(error):
+            raise
+        told = f"it can't be drawn ({what_it_raised(error)}); see MPLBACKEND and matplotlibrc"
+        raise InputError(f"`{parameter}`: {told}") from error
 
 
 def in_words(error: BaseException) -> str:

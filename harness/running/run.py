@@ -37,6 +37,7 @@ from harness.storage.tables import sampled_rows
 from mmpf.map.road import Road
 from mmpf.scan import SensorModel
 
+NO_ROOM = (OSError, MemoryError)
 MOST_DRAWN = 300_000
 """About how many rows of a table figures show at most: those of some steps of a long run."""
 
@@ -97,7 +98,7 @@ def run(
     Raises:
         InputError: The input is wrong, no window can be opened or another run is in ``out``; nothing is left behind.
         RunError: The run failed part-way; its finished steps lie in a folder that says so. Or it is complete but for
-            its pictures, for which there was no room.
+            its pictures, for which there was no room; of others that fail a line on stderr tells.
         RunInterruptedError: The user stopped the run; likewise.
     """
 
@@ -141,10 +142,11 @@ def run(
     finally:
         attempt.close()
     if attempt.undrawn is not None:
-        raise RunError(
-            f"the run is complete in {finished.folder} but not drawn ({in_words(attempt.undrawn)}); make room, then "
-            f"`python -m harness report {finished.folder} --figures png`"
-        ) from attempt.undrawn
+        told = f"the run is complete in {finished.folder} but not drawn ({in_words(attempt.undrawn)})"
+        again = f"`python -m harness report {finished.folder} --figures png`"
+        if isinstance(attempt.undrawn, NO_ROOM):
+            raise RunError(f"{told}; make room, then {again}") from attempt.undrawn
+        sys.stderr.write(f"warning: {told}; mend that, then {again}\n")
     return finished
 
 
@@ -182,7 +184,7 @@ class _Attempt:
         self._writer = RunWriter(folder, config.seed, command)
         self._evaluation: Evaluation | None = None
         self._snapshots: SnapshotStream | None = None
-        self.undrawn: OSError | MemoryError | None = None
+        self.undrawn: Exception | None = None
 
     @property
     def steps(self) -> int:
@@ -223,17 +225,19 @@ class _Attempt:
                 draw.figures(folder / runfolder.FIGURES, self._pictured(snapshots, moment, evaluated))
         metrics = evaluated.metrics(config, snapshots.about, perf_counter() - begin, diagnostics.stages_ms)
         writer.finish(metrics, self.steps)
-        if draw is not None and self.undrawn is None:
+        if draw is not None and not isinstance(self.undrawn, NO_ROOM):
             with working("writing the page", quiet), trusted(), self._drawing():
                 draw.page(folder)
         return metrics
 
     @contextmanager
     def _drawing(self) -> Iterator[None]:
-        """Let pictures that find no room be missing: what they show is there, and they can be drawn later."""
+        """Let pictures that fail be missing: what they show is there, and they can be drawn later."""
         try:
             yield
-        except (OSError, MemoryError) as error:
+        except Exception as error:
+            if is_interrupt(error):
+                raise
             self.undrawn = error
             shutil.rmtree(self._folder / runfolder.FIGURES, ignore_errors=True)
 

@@ -15,6 +15,7 @@ from harness.commands.app import other_checkout, run_command_line
 from harness.commands.from_options import typed
 from harness.common.errors import InputError, RunError, RunInterruptedError
 from mmpf.registry import UnknownNameError
+from tests.harness.recorded_scene import write_recorded_scene
 
 ROOT = Path(__file__).parents[3]
 
@@ -164,6 +165,15 @@ def test_json_is_all_that_is_on_stdout(tmp_path):
     answer = subprocess.run(words, capture_output=True, text=True, check=True)
     assert json.loads(answer.stdout) == json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert "Results:" in answer.stderr
+
+
+@pytest.mark.slow
+def test_a_backend_of_matplotlib_that_there_is_none_of_costs_a_run_only_its_pictures(tmp_path):
+    words = ["--replay", str(write_recorded_scene(tmp_path / "scene")), "--tracker", "detections", "--quiet"]
+    command = [sys.executable, "-m", "harness", "run", *words, "--out", str(tmp_path / "run")]
+    answer = subprocess.run(command, env={**os.environ, "MPLBACKEND": "no"}, capture_output=True, text=True, check=True)
+    assert f"warning: the run is complete in {tmp_path / 'run'} but not drawn (ValueError: " in answer.stderr
+    assert not (tmp_path / "run" / "figures").exists()
 
 
 @pytest.mark.slow

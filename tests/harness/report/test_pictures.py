@@ -37,6 +37,9 @@ def test_a_runs_errors_and_worst_moments_are_drawn_and_the_page_stays_as_it_was(
 
 
 def test_what_cannot_be_drawn_is_refused_in_a_line(grid, tmp_path_factory, refused):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harness.report.pictures.write_pictures", lambda folder, kind: 1 / 0)
+        assert "--figures: it can't be drawn (ZeroDivisionError" in refused("report", grid, "--figures", "svg")
     (grid / "table.md").write_text("# T\n")
     assert "choose one of png, svg, pdf" in refused("report", grid, "--figures", "jpeg")
     assert not (grid / "report.html").exists()

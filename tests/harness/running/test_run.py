@@ -180,6 +180,15 @@ def test_a_run_whose_pictures_find_no_room_is_complete_and_says_how_to_draw_it(b
     assert run_command_line(["report", str(tmp_path / "run")]) == 0
 
 
+@pytest.mark.parametrize("broken", [0, 1])
+def test_a_run_whose_pictures_cannot_be_drawn_is_finished_and_one_line_warns(broken, steady_traffic, tmp_path, capsys):
+    draw = Drawing(*((lambda *_: 1 / 0) if place == broken else (lambda *_: None) for place in range(2)))
+    finished = run_on(steady_traffic, configured(), tmp_path / "run", draw=draw)
+    assert runfolder.read_manifest(finished.folder, "folder")["status"] == "complete"
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"warning: the run is complete in {finished.folder} but not drawn (ZeroDivisionError: ")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("call", [21, 35, 52])
 def test_a_disk_that_fills_during_a_run_loses_no_finished_step(call, steady_traffic, tmp_path, monkeypatch, capsys):
