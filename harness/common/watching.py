@@ -56,6 +56,8 @@ def watched(command: str, arguments: Sequence[str]) -> int:
     """
     open_missing_streams()
     set_folder_aside()
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="replace")  # a terminal may know few letters
     if hasattr(sys.stderr, "reconfigure"):
         # Lines of several processes mix unless each is one write, which PYTHONUNBUFFERED=1 prevents.
         sys.stderr.reconfigure(line_buffering=True, write_through=False)

@@ -126,6 +126,16 @@ def test_a_python_without_the_libraries_is_told_so_in_one_line():
     assert "activate the environment" in answer.stderr
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "words", "told"),
+    [("NUMBA_NUM_THREADS", "0", "nets", (2, 1)), ("PYTHONIOENCODING", "ascii", "settings radar", (0, 0))],
+)
+def test_what_the_environment_says_of_threads_and_letters_is_met(name, value, words, told):
+    command, environment = [sys.executable, "-m", "harness", *words.split()], {**os.environ, name: value}
+    answer = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (answer.returncode, answer.stderr.count("\n")) == told
+
+
 def test_every_listed_command_can_be_called_for_help(capsys):
     assert {"run", "nets"} <= set(app.COMMANDS)
     for name in app.COMMANDS:
