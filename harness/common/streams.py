@@ -27,7 +27,8 @@ def open_missing_streams() -> None:
 def streams_and_depth_kept() -> Iterator[None]:
     """Put stdout, stderr, the working folder, and how deep calls may go, back as they were, whatever the block does.
 
-    The block may lead their descriptors elsewhere: what was written before is flushed, and what it writes in it too.
+    What it writes on stdout goes to stderr, since stdout may hold a result as JSON. The block may lead the descriptors
+    elsewhere: what was written before is flushed, and what it writes in it too.
     """
     kept = [
         (number, name, getattr(sys, name), fcntl(number, F_DUPFD_CLOEXEC, LEAST_COPY))
@@ -36,6 +37,7 @@ def streams_and_depth_kept() -> Iterator[None]:
     for _, _, stream, _ in kept:
         _flush(stream)
     deepest, here = sys.getrecursionlimit(), os.readlink(HERE)
+    os.dup2(2, 1)
     try:
         yield
     finally:

@@ -15,6 +15,7 @@ from typing import Any, cast
 from harness.common.error_text import what_it_raised
 from harness.common.errors import InputError
 from harness.common.files import check_unlinked, writing
+from harness.common.streams import streams_and_depth_kept
 from harness.common.untrusted_files import unpacked
 from harness.running.finished import RecordedRun, read_recorded_run
 from harness.storage import ownership
@@ -57,6 +58,7 @@ export_formats: Registry[Callable[..., object]] = Registry(
 )
 
 
+@streams_and_depth_kept()
 def export_run(
     folder: Path,
     name: str,

@@ -1,6 +1,5 @@
 """Does what ``run`` does, and tells the result."""
 
-import os
 from typing import Any
 
 import typer
@@ -14,8 +13,7 @@ from harness.common.streams import streams_and_depth_kept
 def run_once(options: Any) -> None:  # noqa: ANN401  the command's own table
     """Make the run, and print its scores."""
     as_json, quiet = options.pop("json"), options.pop("quiet")
-    with streams_and_depth_kept():
-        os.dup2(2, 1)  # what libraries, SUMO's C++ among them, print on stdout goes to stderr
+    with streams_and_depth_kept():  # libraries, SUMO's C++ among them, print on stdout
         finished = make_run(options, typed(), quiet)
     if not quiet:
         from harness.report.summary import print_summary  # noqa: PLC0415  slow, and not for what is refused

@@ -91,6 +91,14 @@ def test_a_tracker_that_takes_stdout_away_is_checked_to_the_end(tmp_path, scene,
     assert capsys.readouterr().out.count("\n") == len(tracker_checks())
 
 
+@pytest.mark.parametrize("words", [("check-tracker", "bad:make"), ("export", "SCENE", "--to", "bad:make")])
+def test_what_somebody_elses_code_prints_is_not_on_stdout(words, tmp_path, scene, monkeypatch, capfd):
+    words = [str(scene) if word == "SCENE" else word for word in words]
+    run_with(tmp_path, scene, monkeypatch, make="os.system('echo noise')", words=(*words, "--json"))
+    told = capfd.readouterr()
+    assert ("noise" in told.out, "noise" in told.err) == (False, True)
+
+
 @pytest.mark.parametrize("step", STEPS)
 def test_what_a_tracker_does_in_a_step_is_one_line_with_its_file_and_line(step, tmp_path, scene, monkeypatch, capfd):
     code = run_with(tmp_path, scene, monkeypatch, step)
