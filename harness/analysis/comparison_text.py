@@ -17,6 +17,7 @@ from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, moment_of
 from harness.common.errors import InputError
 from harness.common.markdown import markdown_table
 from harness.common.numbers import number
+from harness.scoring.metrics.hidden_cost import COST, CRPS, FALSE_HIDDEN
 
 COLOURS = {BETTER: "bold blue", WORSE: "bold red", UNDECIDED: "bold yellow", NO_WORSE: "green"}
 HEADINGS = ("metric", "a", "b", "difference", "95 % interval", "p", "pairs", "verdict on b")
@@ -90,7 +91,7 @@ def print_comparison(comparison: Judgement) -> None:
     parts += [_screen_table(comparison, label) for label in labels]
     if comparison.why is not None:
         parts.append(_screen_causes(comparison.why))
-    others = len({verdict.metric for verdict in comparison.verdicts if not verdict.primary})
+    others = len({each.metric for each in comparison.verdicts if not _is_on_screen(each, comparison)})
     more = [f"Other metrics, not judged: {others}; --html FILE and --markdown FILE show them."] if others else []
     parts += [Text(note) for note in (*more, *comparison.notes)]
     told = Text(f"\n{conclusion(comparison)}", style=COLOURS[comparison.outcome])
@@ -116,12 +117,16 @@ CAUSES_NOTE = (
 )
 
 
+def _is_on_screen(verdict: Verdict, comparison: Judgement) -> bool:
+    return verdict.primary or (verdict.metric == FALSE_HIDDEN and not {COST, CRPS}.isdisjoint(comparison.rules.primary))
+
+
 def _screen_table(comparison: Judgement, label: str) -> Table:
-    """Return what fits 80 columns of what is judged: all but p and the difference in percent."""
+    """Return what fits 80 columns of what is judged, and of false hidden tracks beside judged hidden vehicles."""
     rows = []
-    for verdict in (verdict for verdict in comparison.verdicts if verdict.label == label and verdict.primary):
+    for verdict in (each for each in comparison.verdicts if each.label == label and _is_on_screen(each, comparison)):
         name, a, b, difference, interval, _, pairs, word = cells(verdict)
-        told = word if verdict.verdict != UNTESTED else ""
+        told = word if verdict.primary and word != UNTESTED else "-"
         rows.append((name, a, b, difference.partition(" ")[0], interval, pairs, told))
     table = Table(title=f"{label}; n pairs", box=None, title_justify="left", padding=(0, 1, 0, 0), pad_edge=False)
     for place, heading in enumerate(("metric", "a", "b", "b - a", "95 % interval", "n", "b is")):

@@ -71,8 +71,8 @@ def command(options: Options) -> int:
     "worse": B is clearly worse by more than the tolerance, after a correction
     for the number of verdicts. "no worse": no value in the 95 % interval is worse by
     more than the tolerance. Otherwise "undecided", with the number of seeds
-    that would decide. Other metrics are only in the files of --html
-    and --markdown. Stress tests are paired by seed and setting, two single
+    that would decide. False hidden tracks stand beside, without a verdict.
+    Other metrics are only in the files of --html and --markdown. Stress tests are paired by seed and setting, two single
     runs by vehicle, and drives ('drive') by episode, on collisions,
     short times to collision and hard brakes.
     Exit code 0: no worse. 1: worse. 4: undecided, or runs or values are missing.

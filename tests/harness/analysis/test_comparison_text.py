@@ -3,8 +3,9 @@
 from harness.analysis.compare import Judgement
 from harness.analysis.comparison_text import MOST_MOMENTS, as_markdown, conclusion, print_comparison
 from harness.analysis.rules import Rules
-from harness.analysis.verdicts import NO_WORSE, UNDECIDED, WORSE, Verdict
+from harness.analysis.verdicts import NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
+from harness.scoring.metrics.hidden_cost import FALSE_HIDDEN
 
 HOTA, IDF1 = "mot.hota", "mot.idf1"
 
@@ -37,12 +38,13 @@ def test_what_is_undecided_says_why_before_anything_else():
     assert "7 more seeds" not in as_markdown(worse)
 
 
-def test_the_screen_begins_with_the_verdict_and_shows_only_what_is_judged(capsys):
-    found = comparison(verdict(word=WORSE), verdict(IDF1, NO_WORSE, primary=False))
+def test_the_screen_begins_with_the_verdict_and_shows_what_is_judged_and_false_hidden_tracks(capsys):
+    beside = verdict(FALSE_HIDDEN, UNTESTED, primary=False)
+    found = comparison(verdict(word=WORSE), verdict(IDF1, NO_WORSE, primary=False), beside)
     print_comparison(found)
     lines = capsys.readouterr().err.strip().splitlines()
     assert lines[0].startswith("Worse: b is worse in HOTA in sight")
-    assert [line.split()[0] for line in lines if "80.00" in line] == ["HOTA"]
+    assert [line.split()[0] for line in lines if "80.00" in line] == ["HOTA", "false"]
     assert any(line.startswith("Other metrics, not judged: 1;") for line in lines)
 
 
