@@ -24,6 +24,10 @@ from harness.storage.grid_folder import column_of
 from harness.storage.manifest import unproven
 from harness.storage.run_folder import COMPLETE
 
+WEIGHTS = (
+    "Each run counts the same here. A stress test's tables and curves weigh runs by their vehicle-steps or "
+    "occlusions, so their means may differ."
+)
 HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 
 
@@ -187,7 +191,7 @@ def compare(a: Source, b: Source, rules: Rules | None = None, allow_different: b
         told.append(
             "The time of a step is not judged: it is comparable only between trackers of one and the same stress test."
         )
-    told += _survivor_notes(verdicts)
+    told += [*([] if closed_loop else [WEIGHTS]), *_survivor_notes(verdicts)]
     wanting += _guesses(verdicts)
     paired = f"Compared: {compared} of the {len(a.rows)} runs of a with {compared} of the {len(b.rows)} runs of b."
     return Judgement(a.name, b.name, verdicts, tuple(told), rules, units, tuple(wanting), None, differs, paired)

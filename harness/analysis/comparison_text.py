@@ -9,7 +9,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from harness.analysis.compare import Judgement, compare
+from harness.analysis.compare import WEIGHTS, Judgement, compare
 from harness.analysis.rules import Rules, name_of, quantity_of
 from harness.analysis.sources import open_source
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict
@@ -71,7 +71,7 @@ def verdicts_in_grid(folder: Path, more: Iterable[tuple[str, str]] = ()) -> str:
     except (InputError, ValueError):
         return ""
     rule = f"A verdict allows for {_allowed(Rules())}, and corrects for the number of metrics (not of trackers)."
-    lines = [f"{rule} So it may be undecided although an interval excludes 0."]
+    lines = [f"{rule} So it may be undecided although an interval excludes 0. {WEIGHTS}"]
     for (a, b), comparison in zip(pairs, judged, strict=True):
         lines += ["", f"a: {a}, b: {b}. {conclusion(comparison)} {comparison.paired}", "", *_open(comparison)]
         lines += markdown_table(HEADINGS, map(_marked_cells, comparison.primary))

@@ -81,13 +81,17 @@ def print_result(
         lines += [f"Means over seeds, by {name}:", "", *markdown_table(headings, rows), ""]
     lines += [f"- {line}" for line in (*map(break_sentence, broken), *(f"failed: {each}" for each in failures[:10]))]
     labels = list(dict.fromkeys(point.label for point in points))
-    show_markdown("\n".join([*lines, "", HOTA_NOTE, "", f"Results: {place}"]), on_stderr=True)
+    show_markdown("\n".join([*lines, "", WEIGHTS_NOTE, "", HOTA_NOTE, "", f"Results: {place}"]), on_stderr=True)
     if len(labels) > 1:
         # Not wrapped, so that it can be copied.
         pair = " ".join(shlex.quote(f"{place}@{label}") for label in labels[:2])
         sys.stderr.write(f"For verdicts on two of them, run: python -m harness compare {pair}\n")
 
 
+WEIGHTS_NOTE = (
+    "Means over vehicle-steps or occlusions weigh runs by the number of these. `compare` counts each run the same, so "
+    "its means may differ."
+)
 HOTA_NOTE = (
     "HOTA is by position (similarity falls to 0 at 8 m along the road and 4 m across), not by overlap of boxes, so "
     "it differs from that of other programs (docs/explanation/scores.md)."
