@@ -1,4 +1,4 @@
-"""Write the pages of docs/reference that list what the code declares: commands, settings, tables, metrics, exit codes.
+"""Write the pages of docs/reference that list what the code declares: commands, settings, tables, metrics, and others.
 
 A test fails where a committed page differs.
 
@@ -10,8 +10,11 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import is_dataclass
+from importlib import import_module
 from itertools import groupby
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 from typer.core import TyperArgument
 from typer.main import get_group
@@ -20,10 +23,13 @@ from harness.commands.app import PANELS, application
 from harness.commands.settings_table import all_settings, default_text
 from harness.common.exit_codes import MEANINGS
 from harness.common.markdown import markdown_table
+from harness.scoring.gathered import Evidence
 from harness.scoring.metrics.registry import METRICS, completed
 from harness.storage.schema import SCHEMA_VERSION, TABLES, VERSION_KEY, Column, Table
 
 PLACE = Path(__file__).parents[1] / "docs" / "reference"
+WITH_PARTS = {"evidence", "evidence.rows"}
+"""What of a metric's evidence has parts with sections of their own."""
 GENERATED = "<!-- Written by .ci/reference_pages.py. -->"
 
 
@@ -139,6 +145,59 @@ def _explained(docstring: str) -> str:
     return "\n\n".join([parts[0].strip(), *returned])
 
 
+def evidence_page() -> str:
+    """Return the page of what a metric gets."""
+    sections = [
+        "# What a metric gets",
+        "The function of a [metric](../how-to/metric.md) gets an `Evidence`. These are its attributes. Arrays of one "
+        "section have one entry for each of its rows, and a *row* in a name is an index into another section's rows. "
+        "`error_table` is a data frame with the columns of `errors.parquet` ([tables](tables.md)).",
+        *_attributes("evidence", Evidence, {}),
+    ]
+    return _joined(sections)
+
+
+def _attributes(path: str, kind: type, known: dict[str, str]) -> Iterator[str]:
+    """Yield a section of a class's attributes, then those of its attributes that are classes of arrays too."""
+    about, meanings = _meanings(kind)
+    columns = {column.name: column.meaning for table in TABLES.values() for column in reversed(table.columns)}
+    rows, inner, known[kind.__name__] = [], [], path
+    for name, hint in get_type_hints(kind).items():
+        own = next((each for each in (hint, *get_args(hint)) if is_dataclass(each)), None)
+        meaning = meanings.get(name) or columns.get(name) or (own and _meanings(own)[0].split(". ")[0]) or ""
+        if path in WITH_PARTS and own is not None:
+            inner += [] if own.__name__ in known else [(f"{path}.{name}", own)]
+            meaning = f"{meaning} Like `{known[own.__name__]}`" if own.__name__ in known else meaning
+            known.setdefault(own.__name__, f"{path}.{name}")
+        told = _cell(_resolved(meaning, kind, known)).rstrip(".")
+        rows.append((f"`{name}`", told[:1].upper() + told[1:]))
+    table = markdown_table(("attribute", "meaning"), rows)
+    yield "\n".join((f"## `{path}`", "", _resolved(about, kind, known), "", *table))
+    for place, own in inner:
+        yield from _attributes(place, own, known)
+
+
+def _resolved(text: str, kind: type, known: Mapping[str, str]) -> str:
+    """Return a text with sections in place of classes' names, and constants with their values."""
+
+    def told(match: re.Match[str]) -> str:
+        place, _, name = match[1].rpartition(".")
+        value = getattr(import_module(place or kind.__module__), name) if name.isupper() else None
+        if isinstance(value, tuple):
+            return f"`{value}`"
+        if isinstance(value, int | float):
+            return f"{value:g} {name.rpartition('_')[2].lower()}"
+        return f"`{known[place]}.{name}`" if place in known else f"`{known.get(name, match[1])}`"
+
+    return re.sub(r"`([\w.]+)`", told, text.replace(", see `harness.scoring.evidence.errors.error_table`", ""))
+
+
+def _meanings(kind: type) -> tuple[str, dict[str, str]]:
+    """Return what a class's docstring says of it, in Markdown, and of each of its attributes."""
+    about, _, listed = (inspect.getdoc(kind) or "").replace("``", "`").partition("\n\nAttributes:\n")
+    return about, dict(re.findall(r"^    (\w+): (.*(?:\n      .*)*)", listed, flags=re.MULTILINE))
+
+
 def exit_codes_page() -> str:
     """Return the page of exit codes."""
     rows = [(str(code), meaning) for code, meaning in MEANINGS.items()]
@@ -166,6 +225,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "tables.md": tables_page,
     "metrics.md": metrics_page,
     "exit-codes.md": exit_codes_page,
+    "evidence.md": evidence_page,
 }
 
 if __name__ == "__main__":

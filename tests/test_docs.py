@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-CURRENT = ("commands.md", "settings.md", "tables.md", "metrics.md", "exit-codes.md")
+CURRENT = ("commands.md", "settings.md", "tables.md", "metrics.md", "exit-codes.md", "evidence.md")
 MOST_WORDS = 18_000
 GENERATED = "<!-- Written by .ci/reference_pages.py. -->"
 
