@@ -25,7 +25,12 @@ class Options(TypedDict):
     resume: Annotated[bool, Option("Reuse finished runs of the suite in --out.", default=False)]
     workers: shared.Workers
     gate: Annotated[
-        Path | None, Option("TOML file of metrics with tolerances, floors and ceilings: see docs/tutorials/gate.md.")
+        Path | None,
+        Option(
+            "TOML file: a table metrics.KEY for each judged metric, with tolerance, floor (B is worse if its mean is "
+            "below it) and ceiling (if above); tolerance, time_tolerance and allow_undecided for all. Example: "
+            "docs/tutorials/gate.md."
+        ),
     ]
     tolerance: Annotated[
         float | None, Option("Accepted loss, a share of A's value. (default: 0.02)", metavar="SHARE", least=0, most=1)
@@ -69,12 +74,13 @@ def command(options: Options) -> int:
     HOTA in sight, hidden cost and CRPS, identities after occlusion and tracks
     in plain view get a verdict, and within one stress test the time per step.
     "worse": B is clearly worse by more than the tolerance, after a correction
-    for the number of verdicts. "no worse": no value in the 95 % interval is worse by
-    more than the tolerance. Otherwise "undecided", with the number of seeds
-    that would decide. False hidden tracks stand beside, without a verdict.
-    Other metrics are only in the files of --html and --markdown. Stress tests are paired by seed and setting, two single
-    runs by vehicle, and drives ('drive') by episode, on collisions,
-    short times to collision and hard brakes.
+    for the number of verdicts. "no worse": no value in the 95 % interval is
+    worse by more than the tolerance. Otherwise "undecided", with the number
+    of seeds that would decide. False hidden tracks have a row without a
+    verdict. Other metrics are only in the files of --html and --markdown.
+    Stress tests are paired by seed and setting, two single runs by vehicle,
+    and drives ('drive') by episode, on collisions, short times to collision
+    and hard brakes.
     Exit code 0: no worse. 1: worse. 4: undecided, or runs or values are missing.
 
     Examples:
