@@ -5,8 +5,6 @@ on memory and time, without the right to write anywhere but in a folder of its o
 connections. What becomes of it, a crash too, is one line here.
 """
 
-from __future__ import annotations
-
 import ctypes
 import faulthandler
 import os
@@ -23,7 +21,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, Self, TypeVar
 
 from harness.common.error_text import is_own_fault, what_it_raised
 from harness.common.errors import InputError, RunError
@@ -60,7 +58,7 @@ class ProcessLimits:
     confined: bool = True
 
     @classmethod
-    def for_files(cls, files: Iterable[Path]) -> ProcessLimits:
+    def for_files(cls, files: Iterable[Path]) -> Self:
         """Return limits in proportion with what files take on the disk, however much they hold when unpacked."""
         told = [file.stat() for file in files if file.is_file()]
         # A file with holes is larger than what it takes.

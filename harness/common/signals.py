@@ -1,7 +1,5 @@
 """Treats the system's SIGTERM like Ctrl-C, so that finished work is kept."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -74,7 +72,7 @@ def signals_held(*, forgotten: bool = False) -> Iterator[None]:
             signal.raise_signal(came[0])
 
 
-def _again(ignored: sys.UnraisableHookArgs) -> None:
+def _again(ignored: "sys.UnraisableHookArgs") -> None:
     """Raise a signal once more that Python ignored, since it came while a finalizer or a callback was called."""
     if isinstance(ignored.exc_value, _ToldToEndError):
         threading.Timer(0.01, os.kill, (os.getpid(), _received[-1])).start()

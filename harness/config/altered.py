@@ -1,8 +1,6 @@
 """Settings that change detections after the sensor made them, for live and for recorded runs."""
 
-from __future__ import annotations
-
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
@@ -84,7 +82,7 @@ class AlteredSettings(WithoutTruthValues):
     """Standard deviation of the ego's heading error, likewise."""
 
     @model_validator(mode="after")
-    def _sees_at_times(self) -> AlteredSettings:
+    def _sees_at_times(self) -> Self:
         if self.blind_s >= self.blind_every_s:
             raise ValueError("blind_s must be below blind_every_s")
         return self

@@ -1,7 +1,5 @@
 """A run's configuration: its fields, and the checks on it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -229,7 +227,7 @@ class RunConfig(_Strict):
             del table["decisions"]
         return table
 
-    def tracked_by(self, factory: Callable[..., Any]) -> RunConfig:
+    def tracked_by(self, factory: Callable[..., Any]) -> Self:
         """Return the same configuration with a function that builds the tracker; no file can hold one."""
         tracker = self.tracker.model_copy()
         tracker._factory = factory

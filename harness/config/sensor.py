@@ -7,9 +7,7 @@ and merged boxes) is a two-state chain for each vehicle. The figures that begin 
 what a tracker is told, rounded, and left as they are where the true figures are changed.
 """
 
-from __future__ import annotations
-
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
@@ -151,7 +149,7 @@ class SensorSettings(WithoutTruthValues):
     """Data sheet: time constant of that share."""
 
     @model_validator(mode="after")
-    def _hidden_lies_below_full_view(self) -> SensorSettings:
+    def _hidden_lies_below_full_view(self) -> Self:
         if self.hidden_fraction >= self.full_view_fraction:
             raise ValueError("hidden_fraction must be below full_view_fraction")
         if self.nominal_hidden_fraction >= self.nominal_full_view_fraction:

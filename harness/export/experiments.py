@@ -1,13 +1,11 @@
 """What experiment trackers are told of the runs in a run's or a grid's folder."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from harness.common.files import write_text
 from harness.common.untrusted_files import read_json
@@ -34,7 +32,7 @@ class LoggedRun:
     settings: Mapping[str, str]
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], about: Mapping[str, Any], settings: Mapping[str, Any]) -> LoggedRun:
+    def of(cls, values: Mapping[str, Any], about: Mapping[str, Any], settings: Mapping[str, Any]) -> Self:
         """Return the run of numbers and texts, of which missing ones are left out."""
         numbers = {
             key: float(value)

@@ -1,7 +1,5 @@
 """A run's tables for the page's replay: typed arrays as base64, with row ranges by step."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -260,5 +258,5 @@ def _rows(table: pd.DataFrame, steps: IntArray, **columns: Packing) -> dict[str,
     return packed
 
 
-def _codes(values: pd.Series[str], names: tuple[str, ...]) -> IntArray:
+def _codes(values: "pd.Series[str]", names: tuple[str, ...]) -> IntArray:
     return np.asarray(pd.Index(names).get_indexer(pd.Index(values.astype("object"))), dtype=np.int64)

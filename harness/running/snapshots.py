@@ -1,11 +1,10 @@
 """The snapshots of a run: at each step the truth and what the sensor detects of it, live or recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
+from typing import Self
 
 import numpy as np
 
@@ -37,7 +36,7 @@ class RandomStreams:
     altered: np.random.SeedSequence
 
     @classmethod
-    def from_seed(cls, seed: int) -> RandomStreams:
+    def from_seed(cls, seed: int) -> Self:
         """Return the streams of a root seed."""
         return cls(*np.random.SeedSequence(seed).spawn(4))
 
@@ -69,7 +68,7 @@ class SnapshotStream:
     def __iter__(self) -> Iterator[Snapshot]:
         return iter(self.stream)
 
-    def kept(self) -> SnapshotStream:
+    def kept(self) -> Self:
         """Return the same snapshots in memory, to be played to many trackers; none of these pays for making them.
 
         Raises:
@@ -83,7 +82,7 @@ class SnapshotStream:
             raise RunError("the traffic has no ego vehicle in the section")
         return replace(self, stream=stream, expected_steps=len(stream), close=lambda: None)
 
-    def made_ahead(self) -> SnapshotStream:
+    def made_ahead(self) -> Self:
         """Return the same snapshots, made in a fork of this process, at most as far ahead as a pipe holds them.
 
         Going through them raises a RunError where making one fails or the fork is killed.
