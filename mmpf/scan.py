@@ -3,8 +3,6 @@
 Nothing here says which vehicle a detection came from.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Modified Mixture Particle Filter of Li, Zhan and Tomizuka (2018): the loop of the paper's Fig. 1."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Finds cars that can be the ego of a ``cross`` episode: they approach a crossing where a hidden car has priority."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.closedloop.beliefs import ego_of, true_bodies

@@ -1,7 +1,5 @@
 """What the ego's driver believes at one step: the truth, a tracker's tracks, or a model of human perception."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Protocol

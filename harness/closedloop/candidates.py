@@ -1,7 +1,5 @@
 """Cars that can be the ego of an episode, on a main road or a lane graph, and which vehicle a provocation acts on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -4,8 +4,6 @@ The loop that hands snapshots to the tracker is the one of every run (``harness.
 snapshot only when the tracks of the last have been watched, and by then the driver has acted on them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial

@@ -4,8 +4,6 @@ A seed's traffic runs on under SUMO's own drivers. Of the last five seconds ever
 chosen now has been followed since then: its sensor is made to look at those frames in their order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Finds vehicles in plain view in the ego's lane: one that will stop, or a leader that is rarely detected."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

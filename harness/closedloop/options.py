@@ -1,7 +1,5 @@
 """The options of a closed loop."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, TypedDict
 

@@ -4,8 +4,6 @@ Two episodes come from each seed's traffic, one that goes on as it would and one
 traffic; its runs are drives by each belief.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The ego's route: on a main road, or over a lane graph up to the first signal, since beliefs hold no signals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol

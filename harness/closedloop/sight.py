@@ -1,7 +1,5 @@
 """Which vehicles are truly hidden from a car's sensor. Only the choice of episodes uses it, never a belief."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Controls vehicles in SUMO: the ego follows its driver, a provoked vehicle brakes, and contacts are detected."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.closedloop.episode_start import EpisodeStart

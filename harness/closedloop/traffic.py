@@ -1,7 +1,5 @@
 """A running simulation that is read step by step and keeps the frames of the last seconds."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import replace
 

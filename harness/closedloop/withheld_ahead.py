@@ -1,7 +1,5 @@
 """Whether the vehicle ahead of the ego is in plain view and yet not reported by the tracker, scan by scan."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -5,8 +5,6 @@ begins with the same bytes. SUMO's saved states do not: what ``saveState`` wrote
 otherwise each time, since the drivers' own estimates are not in it, nor what was set of them at run time.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 from collections.abc import Callable, Generator, Iterator

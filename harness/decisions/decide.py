@@ -4,8 +4,6 @@ A driver brakes as hard as it must for what is surely there, and slows down for 
 likely no vehicle than one it brakes comfortably at most.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The lanes around the ego: its own and the adjacent ones, with each vehicle's distance along and across them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import singledispatch
 

@@ -1,7 +1,5 @@
 """All evidence about a run, gathered once for every metric."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Computes the scores of a run, stretch by stretch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pandas as pd

@@ -5,8 +5,6 @@ the draws of the others as they were. Truth and visibility stay as they are; wha
 follows from the altered detections again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any

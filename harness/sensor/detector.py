@@ -1,7 +1,5 @@
 """The simulated sensor: geometric visibility, then noisy detections."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import cast
 

@@ -1,7 +1,5 @@
 """Missed detections, vehicles that are hard to detect, and boxes that are shifted, split or merged."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Persistent false objects: on lanes, as mirror images of vehicles, and beside the road; vehicles can hide them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ detection has been of it for half a second or longer, whatever the reason, since
 sensor saw; its visible fraction is that of its label among the other labels, from above, and is only told.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

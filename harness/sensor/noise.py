@@ -4,8 +4,6 @@ A box has errors along and across its own axis and along and across the line of 
 where the road frame is the plane it is the vehicle's own heading.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The named sensor profiles: simulated sensors, and data sheets of recorded detectors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from pydantic import ValidationError

@@ -5,8 +5,6 @@ the truth goes on, the vehicle hides others, and no tracker is told. Which vehic
 traffic, the sensor and the seed, and is the same for every tracker.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Makes detections from a scene, true and false, each with the vehicle that it came from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """The geometry between sensor and vehicles in a frame: lines of sight and visible parts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

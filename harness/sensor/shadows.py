@@ -6,8 +6,6 @@ behind it, seen from the sensor, is its shadow. The body itself is not: a detect
 shadow, so that the free distance of a sector ends at the far side of the first body in it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.sensor.visibility import contains_sensor, first_hits, pack_boxes

@@ -6,8 +6,6 @@ Between two neighbouring such angles the order of the rectangles along a ray is 
 middle of each interval decides it exactly; nothing is sampled.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """The available trackers, and how each is built by name."""
 
-from __future__ import annotations
-
 import inspect
 import tomllib
 from collections.abc import Mapping

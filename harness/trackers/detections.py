@@ -3,8 +3,6 @@
 What a filter adds shows against it. Where speeds are not measured a detection is taken to be as fast as the ego.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

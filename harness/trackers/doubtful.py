@@ -5,8 +5,6 @@ flows is reported as tentative, unless it was seen to move before, has been foll
 path, where a withheld vehicle is a danger.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Kalman filters of many vehicles at once: nearly constant velocity, measured directly, reported as tracks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

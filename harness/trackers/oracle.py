@@ -3,8 +3,6 @@
 They never mix vehicles up. They are no bound on errors: while a vehicle is hidden they only coast.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ They filter x and y alike. Nothing is known of a new track's direction, so its v
 measured speed is one along the vehicle's own heading, which they don't know, and is left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -30,8 +30,6 @@ It must flush what it wrote. In place of any answer, ``error WORDS`` ends the ru
 the program anew; at its end stdin is closed, and a program that has not ended a second later is killed.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import select

@@ -1,7 +1,5 @@
 """The role of a tracker: scans in, tracks out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable

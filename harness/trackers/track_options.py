@@ -1,7 +1,5 @@
 """What all Kalman trackers share: settings of motion, birth and reporting of tracks, and how scans are prepared."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Annotated, Self, TypeVar

@@ -1,7 +1,5 @@
 """Checks on external trackers: an exception becomes one line, and every result is validated."""
 
-from __future__ import annotations
-
 import inspect
 import os
 from collections.abc import Iterator

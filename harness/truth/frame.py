@@ -1,7 +1,5 @@
 """A frame: the true state of every vehicle at one time; and the protocol of its sources."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol

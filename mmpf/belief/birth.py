@@ -1,7 +1,5 @@
 """New components: particles drawn around detections that no component explains."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

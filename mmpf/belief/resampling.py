@@ -1,7 +1,5 @@
 """Systematic resampling within components, plain or smoothed by a kernel."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

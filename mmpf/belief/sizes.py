@@ -1,7 +1,5 @@
 """Sizes of tracked vehicles, estimated from detected boxes."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 import numpy as np

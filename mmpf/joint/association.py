@@ -1,7 +1,5 @@
 """Soft association: marginals of the bipartite components-by-detections graph by loopy belief propagation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

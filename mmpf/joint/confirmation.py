@@ -1,7 +1,5 @@
 """Which components are reported: probable vehicles, objects that move with traffic, and objects in the ego's path."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.mixture import Components, is_longer

@@ -1,7 +1,5 @@
 """Likelihood sums over particles for each component and detection."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

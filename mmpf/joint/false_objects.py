@@ -5,8 +5,6 @@ says; such components are counted, and slowly forgotten, and so are vehicles wit
 at a few imaginary objects of a prior that knows no sensor; the number of false ones alone follows from the data sheet.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Self
 

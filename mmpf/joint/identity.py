@@ -4,8 +4,6 @@ So is one that is confirmed where another was just found to be no vehicle: that 
 beside the vehicle, or the other of two boxes of it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two vehicles cannot overlap: the prior that keeps hidden particles away from visible vehicles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.mixture import Mixture

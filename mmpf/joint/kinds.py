@@ -7,8 +7,6 @@ place of a Beta distribution. A false object may end at any moment; a vehicle do
 source that is detected rarely is as good a vehicle as any, as long as it lasts and moves like one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

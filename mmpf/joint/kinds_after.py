@@ -1,7 +1,5 @@
 """Updates the posterior of each component's kind of source from scan to scan."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.moments import Moments

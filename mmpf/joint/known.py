@@ -1,7 +1,5 @@
 """What the joint rule has learned about the sensor and the sources from the scans so far."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Self
 

@@ -1,7 +1,5 @@
 """Merges components that represent one vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ each component keeps the probability that it was a mistake, and how far from its
 only into the reported deviations: those of a mixture of the two cases.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.moments import Moments

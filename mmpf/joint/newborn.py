@@ -1,7 +1,5 @@
 """The prior kind of a new component: vehicles come out of shadows or enter the range."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self

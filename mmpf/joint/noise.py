@@ -5,8 +5,6 @@ wrong by a factor. Each component keeps the ratio of the innovations that it see
 begins at that of the others. After Mehra (IEEE TAC 1972): covariance matching, here recursive and bounded.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

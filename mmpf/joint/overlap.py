@@ -1,7 +1,5 @@
 """Which components overlap each other or the ego."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import ndtr
 

@@ -1,7 +1,5 @@
 """Learns from each scan how the detection probability falls with distance."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.mixture import is_longer

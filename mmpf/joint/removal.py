@@ -1,7 +1,5 @@
 """Which components are removed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.mixture import Components

@@ -5,8 +5,6 @@ evidence that depends on what the tracks hide, and each component has an existen
 (Proc. IEEE 2018) and Reuter et al. (IEEE TSP 2014); keeps the stages of the paper's Fig. 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

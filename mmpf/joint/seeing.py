@@ -1,7 +1,5 @@
 """The detection probability of each component, given shadows, distance and runs of misses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.mixture import Mixture

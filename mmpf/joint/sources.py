@@ -1,7 +1,5 @@
 """The joint rule's state for each component: any source of detections, which may be a vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

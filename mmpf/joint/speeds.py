@@ -1,7 +1,5 @@
 """What speed says about a source's kind: most false objects stand; vehicles move with the traffic or have stopped."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.birth import Traffic, local_speed

@@ -1,7 +1,5 @@
 """Signals and right of way where lanes meet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compiled loops over lane segments: the lane of each position, and positions along lanes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Paths across a junction lie over one another. What several lanes cover is one piece of ground and counts once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.map.lane_graph import LaneGraph

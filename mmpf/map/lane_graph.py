@@ -4,8 +4,6 @@ What a driver does happens on a lane of this graph; what a sensor sees happens i
 or a lane with the arc length along its middle line and the offset to the left of it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Bounds on lanes from external files: one can drive on them, and a graph's square matrices fit in memory."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

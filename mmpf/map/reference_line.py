@@ -1,7 +1,5 @@
 """The reference line of a road frame: conversion between distances along and across it and the Cartesian plane."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

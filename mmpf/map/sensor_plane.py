@@ -1,7 +1,5 @@
 """The plane around the sensor, in which light travels straight even where the road frame bends."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Particles that react to it brake, the others drive on. If the real vehicle does 
 particles that do not react. Resampling copies the latent, so their copies keep driving on while the vehicle is hidden.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

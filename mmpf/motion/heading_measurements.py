@@ -1,7 +1,5 @@
 """Measured headings: the headings of new particles, and the likelihood of a heading."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray, wrapped

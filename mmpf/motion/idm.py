@@ -1,7 +1,5 @@
 """The intelligent driver model of Treiber, Hennecke and Helbing, Physical Review E 62 (2000), equations (2) and (3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import partial
 

@@ -1,7 +1,5 @@
 """The kinematic models, and the noise and longitudinal motion that other models share with them."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Each particle carries the lane it is on and the one it means to take next. Parti
 different ways at a junction are hypotheses about its route, which the detections sort out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -5,8 +5,6 @@ its lateral speed turns the vehicle: a vehicle goes where it points. The latents
 has (``mmpf.motion.lane_following``), so that whoever reads lanes or directions from particles finds them here too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

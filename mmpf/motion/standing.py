@@ -1,7 +1,5 @@
 """Standing vehicles stay in place: nonnegative speed noise alone would let them creep forward."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

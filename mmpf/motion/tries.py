@@ -6,8 +6,6 @@ They are then a proposal density, not the prior, and the ratio of the two belong
 is tried in vain costs nothing, whether a detection or none comes next.
 """
 
-from __future__ import annotations
-
 from typing import Protocol, runtime_checkable
 
 import numpy as np

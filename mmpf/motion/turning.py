@@ -1,7 +1,5 @@
 """Speeds where roads bend and meet: limits for curves, turns and stop lines on the route."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -6,8 +6,6 @@ target for a process, so this holds for all that is compiled after the import. `
 ``NUMBA_CPU_FEATURES`` choose another target.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

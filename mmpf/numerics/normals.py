@@ -1,7 +1,5 @@
 """Fast standard normal numbers: a third of the time of the generator's own method."""
 
-from __future__ import annotations
-
 from math import prod
 
 import numpy as np

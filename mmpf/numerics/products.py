@@ -1,7 +1,5 @@
 """Products of small matrices that give the same bytes with any linear algebra library and number of threads."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.numerics.arrays import Float32Array

@@ -1,7 +1,5 @@
 """The number of threads that share the particles; results do not depend on it."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from collections.abc import Callable

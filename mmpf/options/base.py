@@ -1,7 +1,5 @@
 """A setting: a frozen field with bounds, meaning and unit, addressed by a dotted key."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Any, get_args
 

@@ -3,8 +3,6 @@
 The groups of ``FilterOptions`` itself hold for both update rules, those of ``joint`` and ``max_likelihood`` for one.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, Self
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Settings of the joint update only."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Settings of the paper's update only."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Finetune by k-medoids: particles near several components are reassigned; identities stay with the medoids."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

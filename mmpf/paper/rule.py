@@ -3,8 +3,6 @@
 Section II of Li, Zhan and Tomizuka (2018), equations (8) to (11) and the stages of Fig. 1, in log space.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

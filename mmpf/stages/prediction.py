@@ -1,7 +1,5 @@
 """Prior update: every particle moves by one step, equations (1) and (4)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """The filter's output after a scan: tracks, and diagnostics of the step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from time import perf_counter
 

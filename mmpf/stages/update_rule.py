@@ -1,7 +1,5 @@
 """The update-rule protocol: the stages of the paper's Fig. 1 between prior update and report."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

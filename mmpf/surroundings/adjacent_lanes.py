@@ -1,7 +1,5 @@
 """The lane of each particle, its boundaries, and the adjacent lanes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The vehicles ahead of and behind each vehicle in every lane, and each particle's distances to them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter

@@ -7,8 +7,6 @@ Who may be a false object is heeded by as many particles as it is probably a veh
 false object in the lane would make all particles of the vehicle behind it brake.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.belief.mixture import Mixture

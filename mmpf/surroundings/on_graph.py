@@ -1,7 +1,5 @@
 """Road and traffic around each particle on a lane graph: its lane's boundaries, leader and follower on its route."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

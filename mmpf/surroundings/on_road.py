@@ -1,7 +1,5 @@
 """For each type of road: how vehicles move, each particle's surroundings, and how beliefs are reported."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial, singledispatch
 from typing import Protocol

@@ -1,7 +1,5 @@
 """The route reported for a hidden vehicle: the one with the largest particle weight."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ A signal's state is known where the scan says it. Elsewhere it is inferred from 
 has to give way is held by those who come.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stop lines: a particle whose next link is closed follows a virtual leader that stands there."""
 
-from __future__ import annotations
-
 from mmpf.map.lane_graph import LaneColumns
 from mmpf.motion.protocol import Neighbour
 from mmpf.numerics.arrays import FloatArray, IntArray

@@ -1,7 +1,5 @@
 """Where known vehicles are relative to lane pieces, and where they leave no room for others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

@@ -1,7 +1,5 @@
 """The lanes of a road in short pieces, and the flow of traffic between pieces."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import singledispatch
 

@@ -7,8 +7,6 @@ vehicles whose tracks were let go. Before stop lines there are more of them. Mis
 stays overlooked until the run ends. It needs no more than a tracker's scans and tracks, whoever the tracker is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated
 

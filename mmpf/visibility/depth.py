@@ -4,8 +4,6 @@ Every component that probably exists is a rectangle of its estimated size, which
 where it is said to point. The table holds the two nearest surfaces, so that no component lies in its own shadow.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The detection probability of each particle's vehicle, given its visible fraction."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray

@@ -1,7 +1,5 @@
 """The sensor's field of view: a vehicle outside it is neither missed nor removed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.map.sensor_plane import SensorPlane

@@ -5,8 +5,6 @@ missed wherever it is. It is filtered with the component, so that one miss is no
 run, and neither existence nor particles pay for the rest of it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray

@@ -7,8 +7,6 @@ filters with an unknown detection profile (Mahler, Vo and Vo, IEEE TSP 2011), he
 for each vehicle.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

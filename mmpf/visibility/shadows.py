@@ -3,8 +3,6 @@
 Each particle looks up the rays over its extent in the table of nearest surfaces (``mmpf.visibility.depth``).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.map.sensor_plane import SensorPlane

@@ -3,8 +3,6 @@
 The parameters are the highway column of Treiber and Kesting, "Traffic Flow Dynamics" (2013), table 11.2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.decisions.belief import Belief, Beside, Others

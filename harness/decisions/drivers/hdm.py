@@ -6,8 +6,6 @@ if it were the leader, at the sum of the clear gaps up to it. Gaps and headways 
 estimation are left out: what is judged is the tracker, not the driver.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The intelligent driver model: it reacts only to the vehicle directly ahead."""
 
-from __future__ import annotations
-
 from harness.decisions.belief import Belief
 from harness.decisions.drivers.following import following, safe_gap
 from harness.decisions.drivers.protocol import Command

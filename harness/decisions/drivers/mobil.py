@@ -1,7 +1,5 @@
 """Lane changes by MOBIL (Kesting, Treiber and Helbing, TRR 1999 (2007))."""
 
-from __future__ import annotations
-
 from harness.decisions.belief import Belief, Beside, Others
 from harness.decisions.drivers.following import follower_acceleration, following, safe_gap
 from harness.decisions.drivers.protocol import Command

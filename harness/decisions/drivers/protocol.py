@@ -1,7 +1,5 @@
 """The role of a driver: beliefs in, commands out, and the registry of drivers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

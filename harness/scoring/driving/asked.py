@@ -1,7 +1,5 @@
 """Asks the ego's driver at each step for a command by the truth and one by the tracks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

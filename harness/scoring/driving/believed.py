@@ -4,8 +4,6 @@ Tracks say neither how long vehicles are nor, in the plane, where they point. A 
 have been measured so far, and points where it has lately been going; no truth is used.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

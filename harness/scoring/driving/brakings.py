@@ -6,8 +6,6 @@ see ``withheld``. To blame is the vehicle ahead without which the driver would b
 braking by the truth, for a phantom by the tracks. What is told of it is as of the step at which the two differ most.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Time to collision, used by several scores."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.numerics.arrays import FloatArray

@@ -4,8 +4,6 @@ Such a time is that from when the first of two vehicles has left the place where
 comes to it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ demand alone, made at the ego's recorded speed, does not tell what is missed: an
 car never has to brake hard, and by the tracks it would have driven into it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Optimal one-to-one assignment over many small independent problems at once."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array

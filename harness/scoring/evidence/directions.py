@@ -3,8 +3,6 @@
 On a road with a frame of its own every direction is 0, and the frame's axes are those of all gates and errors.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree

@@ -1,7 +1,5 @@
 """Occlusion events: a vehicle is hidden and seen again, and whether its track is alive and still its own."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

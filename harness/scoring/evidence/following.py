@@ -5,8 +5,6 @@ best that is known of it. So pairs go up to a cut-off, and seen and hidden vehic
 track that is on a seen vehicle can not serve a hidden one as well. Identity plays no part here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

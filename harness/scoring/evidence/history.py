@@ -1,7 +1,5 @@
 """What the sensor has detected of each vehicle up to each step: who is in sight, and truth identities."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

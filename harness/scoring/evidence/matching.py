@@ -1,7 +1,5 @@
 """Which track belongs to which vehicle: by the gate where it is visible, by identity where it is hidden."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Truth alone decides. A vehicle that the sensor hardly ever detects is in plain view as much as any other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The numbers of the scoring rules that several modules share; what one module alone needs stands there."""
 
-from __future__ import annotations
-
 GATE_LON_M, GATE_LAT_M = 4.0, 2.0
 """A track within so far of a vehicle, along it and across it, can stand for it."""
 IN_SIGHT_DETECTIONS = 3

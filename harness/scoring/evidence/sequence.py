@@ -1,7 +1,5 @@
 """Input of the multi-object metrics: truth identities, track identities and their similarities."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Unbroken runs of rows in which a condition holds, and those of a missed braking."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.scoring.evidence.rules import DECISION_S, TIME_TOLERANCE_S

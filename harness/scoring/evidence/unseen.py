@@ -1,7 +1,5 @@
 """Vehicles without a track, counted on the lane pieces for which an expected number was stated."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

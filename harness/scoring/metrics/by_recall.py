@@ -6,8 +6,6 @@ above the score that gives a recall count, for 40 recalls from 10 to 100 %; a re
 worst value.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

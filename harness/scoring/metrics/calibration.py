@@ -6,8 +6,6 @@ a car on a diagonal road to 4 m along and 0.5 m across reports 2.9 m for both ax
 other direction.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """CLEAR MOT: misses, false tracks, identity switches, fragmentations (Bernardin & Stiefelhagen 2008)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

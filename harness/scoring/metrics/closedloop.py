@@ -4,8 +4,6 @@ The rows are a closed loop's (``harness.closedloop``): the ego really did what i
 reacted. Everything is measured by the truth.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

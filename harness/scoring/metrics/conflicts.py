@@ -4,8 +4,6 @@ They tell how tense the traffic around the ego is, not how good a tracker is: ev
 same ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What share of the traffic the sensor and the tracker cover."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 The ego drives as it did; nothing that the driver would do is done. So every tracker is asked of the same traffic.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether a track's stated existence is the probability that it is a vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -4,8 +4,6 @@ Only where the source tells parked vehicles from others. A gap is an occlusion e
 of a parked vehicle asks less of a tracker, which finds it where it was.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """GOSPA: distance between the set of vehicles and the set of tracks (Rahmathullah, Garcia-Fernandez, Svensson 2017)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

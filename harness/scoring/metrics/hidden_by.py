@@ -4,8 +4,6 @@ A vehicle behind a building stays hidden for longer, and where it comes back fol
 comes back as the lorry moves. Only on roads with walls; elsewhere vehicles hide everything, and the table is left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ score does. Without the cut-off it is a proper score: least on average for the d
 and Raftery 2007).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outcomes of the tracks of hidden vehicles, which explain their errors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.scoring.evidence.errors import HIJACKED, LOST, TRACKED, UNTRACKED

@@ -1,7 +1,5 @@
 """HOTA: higher order tracking accuracy (Luiten et al., IJCV 2021)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Truth alone says who is asked for (``plain_view``), so a vehicle that the sensor
 vehicle has a track where a reported one is matched to it by ``matching``: within the gate, one to one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

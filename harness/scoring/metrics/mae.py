@@ -5,8 +5,6 @@ vehicles has small errors over few rows: read it beside the share that is follow
 both follow (``harness.scoring.metrics.paired``), or take ``harness.scoring.metrics.hidden_cost``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import pairwise
 

@@ -4,8 +4,6 @@ Only where positions are in the plane, and of roundabouts where the network tell
 own every vehicle goes straight on, and the table is left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """HOTA, CLEAR and identity scores of vehicles in sight, and of all known vehicles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -3,8 +3,6 @@
 A step counts if the same track followed the vehicle at the step before as well (and before that, for jerk).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from harness.scoring.evidence.errors import scored_rows

@@ -1,7 +1,5 @@
 """Whether the expected number of undetected vehicles is right, and better than the mean density."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

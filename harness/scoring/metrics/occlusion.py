@@ -1,7 +1,5 @@
 """What happens to a track while its vehicle is hidden and when it is seen again."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields
 

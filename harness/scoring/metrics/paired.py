@@ -1,7 +1,5 @@
 """Errors of two trackers on the same vehicles at the same steps."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 KEYS = ["episode", "step", "vehicle_id"]

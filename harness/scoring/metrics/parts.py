@@ -1,7 +1,5 @@
 """Metrics of long runs: each part is measured once and freed, and the totals are made from the measures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import wraps

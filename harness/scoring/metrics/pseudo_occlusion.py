@@ -5,8 +5,6 @@ counts if the vehicle is in range at its end. The yardstick is the true state at
 constant velocity.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import partial
 

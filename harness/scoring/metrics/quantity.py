@@ -1,7 +1,5 @@
 """What a metric states about each of its numbers: name, unit and direction."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The metrics, registered under their keys in ``metrics.json`` with the quantities that they give."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter

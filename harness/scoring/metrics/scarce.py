@@ -1,7 +1,5 @@
 """Refuses to score a run in which there is nothing to score."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

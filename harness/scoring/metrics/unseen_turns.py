@@ -4,8 +4,6 @@ At a junction a hidden vehicle may leave by one of several ways, and a tracker h
 record tells which was right: no map is needed, and no way is right that merely lies nearest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

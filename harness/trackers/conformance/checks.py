@@ -11,8 +11,6 @@
 ``make_tracker`` is what ``tracker=package.module:make_tracker`` takes: a function of the setting and the options.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 

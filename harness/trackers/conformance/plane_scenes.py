@@ -1,7 +1,5 @@
 """Small scenes on roads whose frame is the plane: cars that follow lanes around a bend and across a crossing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The requirements that the tracker protocol sets for every step, checked while scans are processed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import Protocol

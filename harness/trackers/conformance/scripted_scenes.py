@@ -1,7 +1,5 @@
 """Small scenes with known answers: cars at constant speed, without occlusion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

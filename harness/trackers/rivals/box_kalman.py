@@ -6,8 +6,6 @@ the predicted ones by their generalised overlap from above. Confirmed tracks cho
 is left; the scans of this project carry no scores by which detections could take turns.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -4,8 +4,6 @@ A box's middle moves at a nearly constant velocity; its size and direction hardl
 are filtered apart (the state of AB3DMOT, Weng, Wang, Held and Kitani, IROS 2020, without heights).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Annotated
 

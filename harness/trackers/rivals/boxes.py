@@ -1,7 +1,5 @@
 """Geometry of boxes from above: overlap, and distance where they do not overlap."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Vectorised Gaussian association: distances, likelihoods and pairs."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 

@@ -1,7 +1,5 @@
 """Settings of Stone Soup's trackers."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from harness.trackers.stonesoup.stitching import StitchingOptions

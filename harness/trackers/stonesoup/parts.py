@@ -4,8 +4,6 @@ Stone Soup keeps tracks and detections in Python sets, whose order follows memor
 runs differ, so everything here is kept in ordered sets.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from datetime import datetime, timedelta

@@ -1,7 +1,5 @@
 """Identity stitching: a vehicle that is seen again gets its old identity, for any tracker."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Annotated
 

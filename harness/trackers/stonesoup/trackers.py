@@ -4,8 +4,6 @@ A nearly-constant-velocity or -acceleration model in the road frame, each detect
 after several detections and deleted when unseen for long or spread wide.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from datetime import timedelta
 

@@ -1,7 +1,5 @@
 """Checks that the elements of a network agree with each other, as they do in every network that netconvert writes."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The main road of a SUMO network: its edges in order, and the road frame along them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

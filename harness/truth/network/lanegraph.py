@@ -1,7 +1,5 @@
 """Any SUMO network in the plane: its lanes as a graph of lines, with paths across junctions, and its buildings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

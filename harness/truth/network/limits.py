@@ -1,7 +1,5 @@
 """Bounds on lanes, vehicles and flows: a network's XML files are checked in one pass before SUMO reads them."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

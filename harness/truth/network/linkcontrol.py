@@ -1,7 +1,5 @@
 """Signals and right of way of a SUMO network's connections, for each link of its lane graph."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

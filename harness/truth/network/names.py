@@ -1,7 +1,5 @@
 """The names of the networks that come with the project; nothing that takes time to import is needed to check one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from harness.common.errors import InputError

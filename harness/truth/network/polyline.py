@@ -1,7 +1,5 @@
 """Lines of points in the plane, shape (p, 2), and operations that all lane-graph readers share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np

@@ -4,8 +4,6 @@ A configuration can make SUMO write anywhere, wait for a connection, or load pro
 files and those options that decide the traffic alone are handed over one by one, the rest is left out.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Lanelets that all lead one way are a road with a frame of its own; others, as at crossings, are lanes in the plane.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

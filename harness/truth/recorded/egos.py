@@ -1,7 +1,5 @@
 """Which recorded vehicles carry the sensor, and when."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

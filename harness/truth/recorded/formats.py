@@ -3,8 +3,6 @@
 A format that another package brings is only taken where it is named: nothing of others is imported to recognise a file.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Headings are degrees in older files, radians in newer ones, and none says which:
 may count several turns.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path

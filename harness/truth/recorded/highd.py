@@ -4,8 +4,6 @@ Positions are the upper left corners of the vehicles' boxes; ``width`` is the ex
 direction 1 go towards smaller x on the upper lanes, those of direction 2 towards larger x on the lower ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Lanelets as a lane graph in the plane, for recordings of junctions, bends and two-way roads."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

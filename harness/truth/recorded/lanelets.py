@@ -1,7 +1,5 @@
 """A road frame from lanelets: a reference line along the main road, and lanes as strips beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ fits all of a vehicle's places and directions best, without jumps between lanes 
 programming (Viterbi 1967).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.map.lane_graph import NOWHERE, LaneGraph

@@ -5,8 +5,6 @@ Every reader returns rows with ``episode``, ``time_s`` on the file's own clock, 
 road is told.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

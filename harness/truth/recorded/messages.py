@@ -4,8 +4,6 @@ ROS is not needed. Speeds of objects are along their own heading, as in Autoware
 moves are put into the fixed one by the transform nearest in time.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path

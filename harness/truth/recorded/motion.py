@@ -5,8 +5,6 @@ speed, and a speed that the file does not state the slope of the position, by le
 either side: as much as the simulated traffic is smoothed by.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

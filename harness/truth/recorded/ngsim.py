@@ -4,8 +4,6 @@ Feet and milliseconds. ``Local_Y`` runs along the section, ``Local_X`` from the 
 are those of the front bumper's middle. The stated accelerations are not used, see ``harness.truth.recorded.motion``.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Sorts rows, removes duplicates, and splits a vehicle's rows where its recording pauses or jumps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

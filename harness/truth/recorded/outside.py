@@ -4,8 +4,6 @@ A reader is a function. With one parameter, ``read(path)``, it takes the road fr
 ``read(path, net)``, the traffic drove on a network, whose name it is given. It returns ``ReadTraffic``.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import fields

@@ -4,8 +4,6 @@ Its boxes' ``yaw`` is the direction of their x axis, along the width; the front 
 An excerpt comes with the project, see ``examples/NOTICE``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import BinaryIO
 

@@ -1,7 +1,5 @@
 """Trajectories in the plane as recorded traffic, with lanes given by centre lines or without lanes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Refuses rows that cannot be one recording in one system of units."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

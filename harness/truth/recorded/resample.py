@@ -1,7 +1,5 @@
 """Resamples each vehicle's trajectory to the common clock of 0.1 s."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 Where the road frame is the plane, headings count from the x axis, and speeds are along and across the own heading.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Self

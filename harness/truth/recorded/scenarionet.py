@@ -3,8 +3,6 @@
 A pickle may call whatever it names; here it may only make numbers, texts, plain containers and NumPy's arrays.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections import OrderedDict, defaultdict
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Recorded traffic on one clock, in the road frame, step by step."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Runs SUMO on an external network in a child process that cannot write, hang or crash this one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """Broken-down vehicles: each stands in a main lane from before the first frame, and traffic passes it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 

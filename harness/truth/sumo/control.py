@@ -4,8 +4,6 @@ The number of vehicles in the section is steered by what leaves it, because that
 enters upstream reaches the section only later. In free flow nothing can be held back; then the inflow is steered.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import count

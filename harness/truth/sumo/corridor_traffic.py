@@ -4,8 +4,6 @@ All of a vehicle's quantities are averaged with the same weights. The average is
 integral of the speeds, speeds that of the accelerations, and a gap in one lane that was positive stays so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

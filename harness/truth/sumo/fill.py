@@ -1,7 +1,5 @@
 """The vehicles on the main road when the simulation starts: near equilibrium, with waves if it is dense."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ density the flows let in more than leave, above it none, so that the number of v
 asked for, as far as the entries have room for it.
 """
 
-from __future__ import annotations
-
 from harness.truth.sumo.session import Sumo
 
 LOOK_EVERY_STEPS = 10

@@ -4,8 +4,6 @@ SUMO moves front bumpers along lanes, and its angles jump where lanes meet. So a
 front's way: the front pulls a rear axle that rolls without slipping, as in the bicycle model.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

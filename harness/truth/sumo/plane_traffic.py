@@ -3,8 +3,6 @@
 Positions are averaged over half a second to either side, and speeds are their change.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Vehicles and drivers: classes, sizes and driving styles, drawn for each vehicle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

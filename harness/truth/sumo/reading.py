@@ -1,7 +1,5 @@
 """Converts SUMO's vehicles into frames: centres in the road frame instead of front bumpers in SUMO's plane."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The one simulation of a run, in this process or in a window: start, stop and error messages."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress

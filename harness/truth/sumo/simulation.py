@@ -1,7 +1,5 @@
 """Truth from SUMO, in this process through libsumo, or with its own window."""
 
-from __future__ import annotations
-
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence

@@ -3,8 +3,6 @@
 ``hann_weights`` average over half a second to either side, ``CausalFilter`` knows the past alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ Log-weights are quadratic in the input, so those of all components are one produ
 ``[1, x, x_i x_j (i <= j)]`` with a fixed matrix; conditional means are linear in the input.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -4,8 +4,6 @@ Rows are worked on in blocks that stay in the processor's cache, and within a bl
 compiler turns every loop into vector instructions.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

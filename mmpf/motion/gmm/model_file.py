@@ -1,7 +1,5 @@
 """Fitted models on disk: NumPy archives without pickled objects, checked before use."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import zipfile

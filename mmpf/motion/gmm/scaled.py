@@ -1,7 +1,5 @@
 """A conditional Gaussian mixture in its data's units that stays within the range of its training inputs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

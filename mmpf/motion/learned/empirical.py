@@ -5,8 +5,6 @@ speed, closing speed and acceleration, and the change of acceleration until the 
 that cell's recorded changes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar

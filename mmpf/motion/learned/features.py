@@ -1,7 +1,5 @@
 """The inputs of the learned driver's mixtures, the same in training and in use."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from mmpf.numerics.arrays import Float32Array, FloatArray, IntArray

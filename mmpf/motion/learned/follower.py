@@ -1,7 +1,5 @@
 """The protocol of car following in the learned driver, and the Gaussian mixture ``gmm``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 

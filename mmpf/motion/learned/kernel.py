@@ -1,7 +1,5 @@
 """Compiled loops of the learned driver, one pass over all particles each."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ All lateral quantities count positive towards the target lane, from the middle o
 either side share one mixture.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Lateral motion of a driver: keeping a position in the lane, and changing to the next lane."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

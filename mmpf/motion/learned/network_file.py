@@ -1,7 +1,5 @@
 """Networks of learned followers on disk: model files whose arrays are checked before use."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

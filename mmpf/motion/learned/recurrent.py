@@ -5,8 +5,6 @@ IDM's acceleration, and the factor of each row of noise. The memory is resampled
 It was fitted to the spread of whole rollouts (``harness.lab.fit.recurrent_fit``); no deep-learning library runs here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, NamedTuple

@@ -5,8 +5,6 @@ for good and the others change over seconds: different drivers, and what no situ
 spread of whole rollouts (``harness.lab.fit.unrolled``), so that particles come apart as vehicles do.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, NamedTuple

@@ -1,7 +1,5 @@
 """The paper's short-term model for lane keeping (GSM): 28 components, five inputs, four outputs, one step ahead."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -5,8 +5,6 @@ leaves open how a tracker that is told neither comes by them. Here each particle
 means to leave it, and changes by the other until it has arrived.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

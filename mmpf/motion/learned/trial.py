@@ -4,8 +4,6 @@ The bounds are for any driver, not for a good one: a fraction of the braking tha
 accelerations and spreads of traffic. Drivers by the published parameters of IDM keep within them, too.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Settings of the labelled multi-Bernoulli filter, readable without the package that has it."""
 
-from __future__ import annotations
-
 from harness.trackers.track_options import ExistenceOptions
 from mmpf.options.base import Probability
 

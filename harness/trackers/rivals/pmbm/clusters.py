@@ -5,8 +5,6 @@ detection are in different clusters, so that their ambiguities add up and do not
 Garcia-Fernandez and Maskell 2020).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ hypotheses is a Bernoulli: it exists with some probability, and then lies where 
 is a Poisson process, of which this module is told what it expects at each detection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

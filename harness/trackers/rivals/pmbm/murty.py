@@ -1,7 +1,5 @@
 """The k best assignments of detections to tracks, by Murty's partition (Operations Research 16, 1968)."""
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

@@ -6,8 +6,6 @@ be behind the other tracks' shadows, as in OptiPMB (arXiv 2503.12968), so that a
 Nothing of that is told by the truth: bodies and shadows are those of the tracks.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Annotated
 

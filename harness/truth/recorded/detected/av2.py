@@ -6,8 +6,6 @@ drawn: a vehicle is seen where at least three points of the real lidar fell into
 far a box is off. The plane is that of the city, from the car's first place on.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 

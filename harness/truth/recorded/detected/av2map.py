@@ -1,7 +1,5 @@
 """Argoverse 2 maps: the drivable lane segments of a log as lanelets."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -5,8 +5,6 @@ AB3DMOT's repository) and ``poses/NNNN.txt`` (camera to first camera, twelve num
 the left camera, so that no calibration is needed. The plane is that of the first frame: x ahead, y to the left.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple

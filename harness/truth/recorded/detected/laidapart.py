@@ -1,7 +1,5 @@
 """Places all drives of a run in one plane, farther apart than any sensor's range."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

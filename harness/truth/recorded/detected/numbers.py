@@ -1,7 +1,5 @@
 """Reads external text files of numbers within limits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Assigns each detection to the nearest labelled object within two metres, one to one."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 

@@ -1,7 +1,5 @@
 """The truth source of labelled drives, one after the other, each from its own recording car."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
