@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import quote
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -15,7 +15,7 @@ from harness.analysis.sources import open_source
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE, Verdict
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why, moment_of
 from harness.common.errors import InputError
-from harness.common.markdown import markdown_table
+from harness.common.markdown import Terminal, markdown_table
 from harness.common.numbers import number
 from harness.scoring.metrics.hidden_cost import COST, CRPS, FALSE_HIDDEN
 
@@ -95,7 +95,7 @@ def print_comparison(comparison: Judgement) -> None:
     more = [f"Other metrics, not judged: {others}; --html FILE and --markdown FILE show them."] if others else []
     parts += [Text(note) for note in (*more, *comparison.notes)]
     told = Text(f"\n{conclusion(comparison)}", style=COLOURS[comparison.outcome])
-    Console(stderr=True, highlight=False).print(Group(told, *parts))
+    Terminal(stderr=True, highlight=False).print(Group(told, *parts))
 
 
 def _open(comparison: Judgement) -> list[str]:

@@ -6,15 +6,27 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
 from rich import box
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.markdown import Markdown
+from rich.segment import Segment
 from rich.table import Table
+
+from harness.common.streams import without_controls
 
 INTERVAL = re.compile(r"([-+\d.,]+(?: %)?) (\[[-+\d., ]+\])")
 """A value with its interval, which goes on a line of its own in a narrow column."""
 WIDEST_NAME = 32
 PagePart = str | Sequence[str]
 """A part of a page: a text, or the lines of a list or table."""
+
+
+class Terminal(Console):
+    """A console that takes the control characters from texts, which others may have named."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """Yield the parts of what is printed."""
+        for part in super().render(renderable, options):
+            yield part if part.control else part._replace(text=without_controls(part.text))
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -35,9 +47,9 @@ def show_markdown(text: str, on_stderr: bool = False) -> None:
     """Print a Markdown text: formatted on stderr and on a terminal, raw where a program or a file reads stdout."""
     stream = sys.stderr if on_stderr else sys.stdout
     if not on_stderr and not stream.isatty():
-        stream.write(text + "\n")
+        stream.write(without_controls(text) + "\n")
         return
-    console = Console(file=stream, highlight=False)
+    console = Terminal(file=stream, highlight=False)
     lines = (line for line in text.splitlines() if not line.startswith("!["))
     for is_table, group in groupby(lines, key=lambda line: line.startswith("|")):
         block = list(group)

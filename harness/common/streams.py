@@ -1,6 +1,10 @@
-"""Keeps this process's standard streams, and how deep calls may go, while external code or a library runs."""
+"""Keeps this process's standard streams, and how deep calls may go, while external code or a library runs.
+
+What others named goes to them without control characters, which would steer the terminal.
+"""
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,6 +17,18 @@ LEAST_COPY = min(4096, getrlimit(RLIMIT_NOFILE)[0]) // 2
 
 HERE = "/proc/self/cwd"
 """A link to the working folder, which may be read where that was deleted."""
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Control characters but tabs and ends of lines."""
+
+
+def without_controls(text: str) -> str:
+    """Return a text with a question mark for each control character."""
+    return CONTROL.sub("?", text)
+
+
+def to_stderr(line: str) -> None:
+    """Write a line, in which may be what others named, to stderr."""
+    sys.stderr.write(f"{without_controls(line)}\n")
 
 
 def open_missing_streams() -> None:

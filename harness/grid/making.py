@@ -1,7 +1,6 @@
 """Makes the rows of a grid in its folder; an interrupted grid can be resumed."""
 
 import json
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from harness.common.errors import RunError, RunInterruptedError
 from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
+from harness.common.streams import to_stderr
 from harness.grid.cells import FULL_DISK, Cell, GridPlan, distinct_trackers
 from harness.grid.pool import OnRow
 from harness.running.provenance import model_files, other_code, own_code, provenance_of
@@ -69,8 +69,8 @@ def on_stderr(quiet: bool) -> Telling:
     """Return output to stderr: warnings always, the rest unless quiet."""
     return Telling(
         quiet,
-        warn=lambda line: sys.stderr.write(f"warning: {line}\n"),
-        tell=lambda text: None if quiet else sys.stderr.write(f"{text}\n"),
+        warn=lambda line: to_stderr(f"warning: {line}"),
+        tell=lambda text: None if quiet else to_stderr(text),
     )
 
 

@@ -10,6 +10,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from harness.common.markdown import Terminal
 from harness.common.numbers import number
 from harness.report.summary_text import decision_sentence, out_of, traffic_source
 from harness.scoring.metrics.decisions import KM
@@ -88,7 +89,7 @@ def print_summary(metrics: Mapping[str, Any], folder: Path, *, is_log: bool = Fa
     run = metrics["run"]
     words = [traffic_source(metrics), *(str(run[key]) for key in ("tracker", "model", "update") if run.get(key))]
     title = " · ".join(words)
-    Console(stderr=True, highlight=False).print(
+    Terminal(stderr=True, highlight=False).print(
         Group(
             Text(f"\n{title} · seed {run['seed']}", style="bold"),
             _error_table(metrics["mae"]),

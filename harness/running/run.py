@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import shutil
-import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.isolation import trusted
 from harness.common.progress import progress_bar, working
 from harness.common.signals import signals_held, told_to_end
+from harness.common.streams import to_stderr
 from harness.config.layers import config_from_table, leaves
 from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
@@ -104,7 +104,7 @@ def run(
 
     def tell(line: str) -> None:
         if line and not quiet:
-            sys.stderr.write(f"{line}\n")
+            to_stderr(line)
 
     check_named_code(config)
     if resume and out is not None and (kept := kept_metrics(config, out, open_snapshots, tell)) is not None:
@@ -146,7 +146,7 @@ def run(
         again = f"`python -m harness report {finished.folder} --figures png`"
         if isinstance(attempt.undrawn, NO_ROOM):
             raise RunError(f"{told}; make room, then {again}") from attempt.undrawn
-        sys.stderr.write(f"warning: {told}; mend that, then {again}\n")
+        to_stderr(f"warning: {told}; mend that, then {again}")
     return finished
 
 

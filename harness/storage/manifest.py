@@ -5,7 +5,6 @@ import json
 import os
 import platform
 import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
@@ -15,6 +14,7 @@ from typing import Any
 from harness.common.errors import InputError
 from harness.common.files import write_text
 from harness.common.isolation import ProcessLimits, isolated
+from harness.common.streams import to_stderr
 from harness.common.untrusted_files import read_json
 
 PACKAGES = ("mmpf-harness", "libsumo", "numpy", "scipy", "numba", "pandas", "pyarrow", "scikit-learn")
@@ -103,7 +103,8 @@ def tell_edited(folder: Path, parameter: str) -> None:
         told = unproven(folder, manifest) if manifest.get("status") == "complete" else []
     except InputError as error:
         told = [str(error).replace("`", "")]
-    sys.stderr.writelines(f"warning: {line}\n" for line in told)
+    for line in told:
+        to_stderr(f"warning: {line}")
 
 
 def check_unedited(folder: Path, manifest: Mapping[str, object], parameter: str) -> None:

@@ -7,6 +7,7 @@ import typer
 from harness.commands.from_options import typed
 from harness.common.numbers import as_json as text_of
 from harness.common.progress import working
+from harness.common.streams import to_stderr
 from harness.report.folder_page import write_page
 from harness.report.summary import print_summary
 from harness.running.logged import score_logs
@@ -18,7 +19,7 @@ def score_log(options: Any) -> None:  # noqa: ANN401  the command's own table
     with working("scoring", quiet):
         folder, metrics, report, left_out = score_logs(options, out, force, typed(), write_page)
     if left_out or not quiet:
-        typer.echo(report, err=True)
+        to_stderr(report)
     if not quiet:
         print_summary(metrics, folder, is_log=True)
     if as_json:

@@ -18,7 +18,7 @@ from harness.export.fcd import export as export_fcd
 from harness.export.mot import folder_name
 from harness.running.finished import read_recorded_run
 from harness.storage.run_folder import read_table
-from tests.harness.recorded_scene import write_recorded_scene
+from tests.harness.recorded_scene import metrics_of, write_recorded_scene
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
 
@@ -162,6 +162,19 @@ def test_nothing_is_written_through_a_link_in_a_folder(link, target, words, scen
     (scene / link).symlink_to(tmp_path / "outside" / target)
     assert f"{link} is a link" in refused(*words)
     assert not list((tmp_path / "outside").iterdir())
+
+
+def test_no_name_in_a_folder_steers_the_terminal(scene, capsys):
+    (scene / (name := "a\x1b[2J\x9b2J")).write_text("")
+    metrics = metrics_of(scene)
+    (scene / "metrics.json").write_text(json.dumps(metrics | {"run": metrics["run"] | {"tracker": name}}))
+    manifest = json.loads((scene / "manifest.json").read_text())
+    for words, noted in ((["compare", str(scene), str(scene)], {}), (["report", str(scene)], {name: "another"})):
+        (scene / "manifest.json").write_text(json.dumps(manifest | {"files_sha256": noted}))
+        assert run_command_line(words) == 0
+        told = capsys.readouterr().err
+        assert "a?[2J?2J" in told
+        assert not {"\x1b", "\x9b"} & set(told)
 
 
 def test_a_folder_named_like_that_of_a_user_is_in_the_working_folder(scene, tmp_path, monkeypatch):
