@@ -26,6 +26,7 @@ READABLE = (
     *(pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_string, pa.types.is_large_string),
     pa.types.is_null,
 )
+NUMBER_BYTES = 8
 DAMAGE = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError)
 
 
@@ -46,11 +47,14 @@ def read_parquet(
     check_file(path, parameter)
     place = f"`{parameter}`: {path}"
     limits = ProcessLimits.for_files([path])
-    frame: pd.DataFrame = isolated(partial(_table, path, place, wanted, noted), place, limits).to_pandas()
+    # What this process gets it holds twice, as a table of each library.
+    most_bytes = limits.memory_bytes - ProcessLimits.memory_bytes // 2
+    work = partial(_table, path, place, wanted, noted, most_bytes)
+    frame: pd.DataFrame = isolated(work, place, limits).to_pandas()
     return frame
 
 
-def _table(path: Path, place: str, wanted: pc.Expression | None, noted: int | None) -> pa.Table:
+def _table(path: Path, place: str, wanted: pc.Expression | None, noted: int | None, most_bytes: int) -> pa.Table:
     source = os.path.join(os.curdir, path)  # PyArrow takes a ~ that comes first for the user's own folder
     with reading(place, "table of a run"), pq.ParquetFile(source, pre_buffer=False) as file:
         footer, schema = file.metadata, file.schema_arrow
@@ -68,6 +72,9 @@ def _table(path: Path, place: str, wanted: pc.Expression | None, noted: int | No
             kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
             if not any(is_kind(kind) for is_kind in READABLE):
                 raise InputError(f"{place}: {field.name[:60]} holds {str(kind)[:60]}; make the run again")
+        packed = sum(footer.row_group(group).total_byte_size for group in range(footer.num_row_groups))
+        if NUMBER_BYTES * footer.num_rows * footer.num_columns + packed > most_bytes:
+            raise MemoryError
         if wanted is not None:
             return pq.read_table(source, use_threads=False, pre_buffer=False, filters=wanted)
         return file.read(use_threads=False)

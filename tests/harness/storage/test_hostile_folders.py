@@ -35,6 +35,7 @@ def scene(tmp_path) -> Path:
     "table",
     [
         pa.table({"step": np.zeros(60_000_000)}),
+        pa.table({"state": pa.DictionaryArray.from_arrays(pa.array(np.zeros(17_000_000, dtype=np.int32)), ["x"])}),
         pa.table({"vehicle_id": pa.DictionaryArray.from_arrays(pa.array([0] * 1_000_000), pa.array(["x" * 100_000]))}),
     ],
 )
