@@ -49,6 +49,8 @@ def seed_values(text: str) -> range:
     with _told("seeds", text, "10"):
         if not (first.isdecimal() and end.isdecimal() and int(first) < int(end) <= MOST_SEED):
             raise ValueError("give a number of seeds or a range A:B with A below B")
+        if (count := int(end) - int(first)) > MOST_VALUES:
+            raise ValueError(f"{count} values, at most {MOST_VALUES} are allowed")
     return range(int(first), int(end))
 
 

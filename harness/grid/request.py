@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from harness.common.error_text import shown
 from harness.common.errors import InputError
+from harness.config.lists import MOST_VALUES
 from harness.config.model import brings_its_own_demand
 from harness.config.options import setting_of, setting_words
 from harness.grid.grid import GridRequest
@@ -64,9 +66,10 @@ def _seeds(seeds: object) -> str | None:
     """Return seeds as they are typed: a number of them, or ``A:B``."""
     if not isinstance(seeds, Sequence) or isinstance(seeds, str):
         return None if seeds is None else str(seeds)
-    whole = seeds and all(isinstance(seed, int) and not isinstance(seed, bool) for seed in seeds)
-    if not whole or list(seeds) != list(range(seeds[0], seeds[0] + len(seeds))):
-        raise InputError(f"`seeds`: give seeds that follow each other, for example range(0, 10), not {list(seeds)}")
+    first = seeds[: MOST_VALUES + 1]  # more are refused for their number
+    whole = first and all(isinstance(seed, int) and not isinstance(seed, bool) for seed in first)
+    if not whole or list(first) != list(range(first[0], first[0] + len(first))):
+        raise InputError(f"`seeds`: give seeds that follow each other, such as range(0, 10), not {shown(list(first))}")
     return f"{seeds[0]}:{seeds[-1] + 1}"
 
 
