@@ -295,5 +295,5 @@ def kept_metrics(
             f"`resume`: the run in {out} is another one ({'; '.join(differs)}); choose another `out`, or replace it by "
             "`force` without `resume`"
         )
-    tell(f"the {manifest['steps']} steps in {out} are kept, nothing is made")
+    tell(f"the {manifest.get('steps', 'finished')} steps in {out} are kept, nothing is made")
     return runfolder.read_metrics(out, "out")

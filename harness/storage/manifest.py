@@ -70,11 +70,12 @@ def sha256_of(path: Path) -> str:
 
 
 def manifest_of(folder: Path, parameter: str | None = None) -> dict[str, Any]:
-    """Return the manifest of a folder; empty where it has none: a baseline may be a table of runs alone."""
+    """Return the manifest of a folder; empty where it is broken or missing: a baseline may be a table of runs alone."""
     try:
-        return read_json(folder / "manifest.json", parameter)
+        manifest = read_json(folder / "manifest.json", parameter)
     except (OSError, ValueError):
         return {}
+    return manifest if all(isinstance(manifest.get(name) or {}, dict) for name in (CODE, INPUTS, FILES)) else {}
 
 
 def hashes_of(folder: Path) -> dict[str, str]:

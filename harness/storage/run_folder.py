@@ -20,6 +20,7 @@ from harness.common.files import writing
 from harness.common.untrusted_files import checked_path, read_json, read_toml, reading
 from harness.storage import ownership
 from harness.storage.checks import AGAIN, check_kinds, read_parquet
+from harness.storage.grid_folder import flattened
 from harness.storage.lock import FolderLock, lock_beside, remove_stale_locks
 from harness.storage.manifest import manifest_of
 from harness.storage.schema import TABLES, Table
@@ -173,7 +174,12 @@ def read_manifest(folder: Path, parameter: str, *, ended: bool = True) -> dict[s
 def read_metrics(folder: Path, parameter: str) -> dict[str, Any]:
     """Return the content of a run's ``metrics.json``."""
     with reading(f"`{parameter}`: {folder / METRICS}", "scores of a run"):
-        return read_json(folder / METRICS, parameter)
+        metrics = read_json(folder / METRICS, parameter)
+        if not isinstance(metrics.get("run", {}), dict):
+            raise ValueError("run is no table")
+        if odd := [name for name, value in flattened(metrics).items() if isinstance(value, list | dict)]:
+            raise ValueError(f"{odd[0]} is no number")
+        return metrics
 
 
 def read_config_table(folder: Path, parameter: str) -> dict[str, Any]:

@@ -222,7 +222,10 @@ def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
     monkeypatch.setattr("harness.analysis.sources.runfolder.read_manifest", lambda folder, parameter: {})
     (tmp_path / "config.toml").write_text("")
     metrics = tmp_path / "metrics.json"
-    for content in ("no", "[]", "{}", '{"run": 5}', *(json.dumps({"run": _without(key)}) for key in RUN)):
+    odd = [{"run": _without(key)} for key in RUN] + [
+        {"run": RUN, "mot": {"hota_ci95": ends}} for ends in ([1, 2, 3], 1)
+    ]
+    for content in ("no", "[]", "{}", '{"run": 5}', *map(json.dumps, odd)):
         metrics.write_text(content)
         assert re.search(rf"{re.escape(str(metrics))}(: broken, or no scores of a run| is )", unopened(tmp_path))
     metrics.write_text(json.dumps({"run": RUN, "mot": {"hota": 80.0}}))

@@ -141,11 +141,13 @@ def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another
     with pytest.raises(InputError, match="seed 0 there, 7 now"):
         run_on(untouched, configured(seed=7), out, resume=True)
     manifest = json.loads((out / "manifest.json").read_text())
-    changed = manifest | {"code_sha256": manifest["code_sha256"] | {"mmpf": "0" * 64}}
-    (out / "manifest.json").write_text(json.dumps(changed))
-    with pytest.raises(InputError, match="mmpf has changed"):
-        run_on(untouched, configured(), out, resume=True)
+    for code, told in ((manifest["code_sha256"] | {"mmpf": "0" * 64}, "mmpf has changed"), ([1], "missing or broken")):
+        (out / "manifest.json").write_text(json.dumps(manifest | {"code_sha256": code}))
+        with pytest.raises(InputError, match=told):
+            run_on(untouched, configured(), out, resume=True)
+    del manifest["steps"]
     (out / "manifest.json").write_text(json.dumps(manifest))
+    assert run_on(untouched, configured(), out, resume=True).metrics == made.metrics
     assert {path for path in out.iterdir() if before[path] != path.stat().st_mtime_ns} == {out / "manifest.json"}
     out.rename(tmp_path / "next.incomplete")
     run_on(SteadyTraffic(steps=12), configured(), tmp_path / "next", resume=True, quiet=False)
