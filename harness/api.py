@@ -20,7 +20,7 @@ import pandas as pd
 
 from harness.common.error_text import drawing, shown
 from harness.common.errors import InputError, RunError, RunInterruptedError
-from harness.common.untrusted_files import read_json
+from harness.common.untrusted_files import read_json, reading
 from harness.common.watching import survived
 from harness.config.options import Option, RunOptions, checked, keys_of_options, setting_words
 from harness.grid.options import GridOptions
@@ -139,7 +139,9 @@ class Grid:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of ``summary.json``, such as the grid, its curves, and where each tracker breaks."""
-        return read_json(self.folder / "summary.json")
+        path = self.folder / "summary.json"
+        with reading(f"`folder`: {path}", "summary of a stress test"):
+            return read_json(path, "folder")
 
 
 @dataclass(frozen=True)

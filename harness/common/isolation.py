@@ -25,6 +25,7 @@ from typing import Any, NoReturn, Self, TypeVar
 
 from harness.common.error_text import is_own_fault, what_it_raised
 from harness.common.errors import InputError, RunError
+from harness.common.streams import flush
 
 T = TypeVar("T")
 Send = Callable[[T | None], None]
@@ -101,8 +102,8 @@ def streamed(
         work(told.append)
         yield from (answer for answer in told if answer is not None)
         return
-    sys.stdout.flush()
-    sys.stderr.flush()
+    flush(sys.stdout)
+    flush(sys.stderr)
     reading, writing = os.pipe()
     owner, child = os.getpid(), os.fork()
     if not child:

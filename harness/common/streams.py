@@ -27,8 +27,9 @@ def without_controls(text: str) -> str:
 
 
 def to_stderr(line: str) -> None:
-    """Write a line, in which may be what others named, to stderr."""
-    sys.stderr.write(f"{without_controls(line)}\n")
+    """Write a line, in which may be what others named, to stderr if there is one."""
+    if sys.stderr is not None:
+        sys.stderr.write(f"{without_controls(line)}\n")
 
 
 def open_missing_streams() -> None:
@@ -51,7 +52,7 @@ def streams_and_depth_kept() -> Iterator[None]:
         for number, name in ((1, "stdout"), (2, "stderr"))
     ]
     for _, _, stream, _ in kept:
-        _flush(stream)
+        flush(stream)
     deepest, here = sys.getrecursionlimit(), os.readlink(HERE)
     os.dup2(2, 1)
     try:
@@ -61,7 +62,7 @@ def streams_and_depth_kept() -> Iterator[None]:
         with suppress(OSError):  # it was deleted
             os.chdir(here)
         for number, name, stream, copy in kept:
-            _flush(stream)
+            flush(stream)
             with suppress(OSError):  # the copy was closed
                 os.dup2(copy, number)
                 os.close(copy)
@@ -72,6 +73,7 @@ def _text_of(number: int) -> TextIO:
     return open(number, "w", encoding="utf-8", closefd=False)
 
 
-def _flush(stream: TextIO | None) -> None:
+def flush(stream: TextIO | None) -> None:
+    """Write what a stream holds back, where that is possible."""
     with suppress(AttributeError, OSError, ValueError):  # there is none, its reader is gone, or it is closed
         stream.flush()  # type: ignore[union-attr]

@@ -20,7 +20,7 @@ from harness.common.errors import InputError, RunError, RunInterruptedError
 from harness.common.exit_codes import RUN_FAILED
 from harness.common.isolation import end_with_parent
 from harness.common.signals import CODES, code_of_end, ends_like_ctrl_c
-from harness.common.streams import open_missing_streams
+from harness.common.streams import flush, open_missing_streams
 from mmpf.registry import SET_ASIDE
 
 LONGEST_END_S = 2.0
@@ -139,8 +139,8 @@ def _tell(writing: int, told: tuple[Any, BaseException | None]) -> None:
     """
     with suppress(OSError):  # external code has closed it: the parent tells
         os.write(writing, pickle.dumps(told))
-    with suppress(AttributeError, OSError, ValueError):  # there is none, its reader is gone, or it is closed
-        sys.stdout.flush()
+    flush(sys.stdout)
+    with suppress(OSError):
         os.dup2(2, 1)
     end = threading.Timer(LONGEST_END_S, lambda: os._exit(RUN_FAILED))
     end.daemon = True

@@ -23,6 +23,8 @@ from harness.config.lists import MOST_SEED
 
 TRAFFIC, TRACKING, RESULT = "Traffic and sensor", "Tracker", "Configuration and result"
 EXECUTION = "How it is run"
+DEEPEST = 20
+"""So many dots a setting's key has at most."""
 
 
 @dataclass(frozen=True)
@@ -303,6 +305,8 @@ def setting_words(settings: Sequence[str] | Mapping[str, object] | None) -> list
     for key, value in settings.items():
         if not isinstance(key, str):
             raise InputError(f"`settings`: {shown(key)} is not the key of a setting, for example 'sensor.range_m'")
+        if key.count(".") > DEEPEST:
+            raise InputError(f"`settings`: {shown(key)} is nested too deeply; there are no such settings")
         if isinstance(value, Mapping):
             words += setting_words({f"{key}.{name}": inner for name, inner in value.items()})
         else:
@@ -319,5 +323,5 @@ def _as_toml(key: str, value: object) -> str:
     plain = value.tolist() if hasattr(value, "tolist") else value
     try:
         return tomli_w.dumps({"value": str(plain) if isinstance(plain, PurePath) else plain})[8:].strip()
-    except TypeError:
+    except (TypeError, RecursionError):
         raise InputError(f"`settings`: {key} can't be set to {shown(value)}; give a number, text or list") from None

@@ -1,6 +1,5 @@
 """Warns of what is implausible in a run's tables; real recordings of unusual places may be warned of too."""
 
-import sys
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -10,6 +9,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from harness.common.bounds import LEAP_MPS
+from harness.common.streams import to_stderr
 from harness.storage import run_folder as runfolder
 from mmpf.map.road import NO_LANE, Road
 from mmpf.numerics.arrays import FloatArray, IntArray, wrapped
@@ -43,9 +43,7 @@ def warn_of_implausible(tables: Mapping[str, pd.DataFrame], road: Road, told: se
     found = [f"a vehicle {kind}" for kind in implausible_truth(truth, road)]
     found += implausible_reports(truth, detections, tracks)
     if new := "; ".join(kind for kind in found if kind.partition(" (")[0] not in told):
-        sys.stderr.write(
-            f"warning: this is unlikely: {new}; check its frame, units, axes, times and names, or the tracker\n"
-        )
+        to_stderr(f"warning: this is unlikely: {new}; check its frame, units, axes, times and names, or the tracker")
     told.update(kind.partition(" (")[0] for kind in found)
 
 

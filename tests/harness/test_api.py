@@ -18,6 +18,10 @@ from tests.harness.stand_ins import EchoTracker, echo_tracker
 pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
+NESTED: dict = {}
+NESTED["within"] = NESTED
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> harness.Run:
     folder = tmp_path_factory.mktemp("api")
@@ -45,7 +49,7 @@ def run(tmp_path_factory) -> harness.Run:
         ({"config": "nosuch.toml"}, "`config`: nosuch.toml does not exist"),
         ({"settings": {"sensor.rnge_m": 80}}, "sensor.rnge_m"),
         ({"settings": {"sensor.range_m": object()}}, "`settings`: sensor.range_m"),
-        ({"settings": ["nonsense"]}, "`settings`: 'nonsense'"),
+        ({"settings": ["nonsense"]}, "`settings`: 'nonsense'"), ({"settings": NESTED}, "`settings`: .*too deeply"),
         ({"settings": 5}, "`settings`: give a list or a dictionary"),
         ({"settings": {"tracker.options.gate": 3}}, "gate"), ({"out": 7}, "`out`: give a path or a text"),
         ({"out": "/dev/null/run"}, "`out`"), ({"out": "."}, "`out`"),
@@ -81,7 +85,13 @@ def test_wrong_input_to_a_stress_test_is_one_sentence(options, words, tmp_path, 
         harness.stress(**options)
 
 
-@pytest.mark.parametrize("call", [lambda: harness.open_run("nosuch"), lambda: harness.compare("nosuch", "neither")])
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: harness.open_run("nosuch"), lambda: harness.compare("nosuch", "neither"),
+        lambda: harness.Grid(Path("nosuch")).summary, lambda: harness.Run(Path("nosuch")).about,
+    ],
+)  # fmt: skip
 def test_a_folder_that_is_not_there_is_named(call):
     with pytest.raises(harness.InputError, match="nosuch"):
         call()

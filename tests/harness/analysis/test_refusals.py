@@ -14,6 +14,7 @@ from harness.analysis.rules import STEP_TIME, Rules, compared_quantities
 from harness.analysis.sources import Source, open_source
 from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WORSE
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
+from harness.api import Run
 from harness.common.errors import InputError
 from harness.scoring.metrics.closedloop import COLLIDED
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
@@ -228,6 +229,9 @@ def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
     for content in ("no", "[]", "{}", '{"run": 5}', *map(json.dumps, odd)):
         metrics.write_text(content)
         assert re.search(rf"{re.escape(str(metrics))}(: broken, or no scores of a run| is )", unopened(tmp_path))
+    metrics.write_text('{"run": [1]}')
+    with pytest.raises(InputError, match="run is no table"):
+        _ = Run(tmp_path).about
     metrics.write_text(json.dumps({"run": RUN, "mot": {"hota": 80.0}}))
     found = open_source(str(tmp_path), "baseline")
     assert (found.name, found.folder, found.failed, found.is_run, found.axes) == (str(tmp_path), tmp_path, 0, True, ())

@@ -3,6 +3,7 @@
 import ctypes
 import os
 import socket
+import sys
 import time
 from pathlib import Path
 from types import FunctionType
@@ -13,6 +14,7 @@ import pytest
 from harness.common import untrusted_files
 from harness.common.errors import InputError, RunError
 from harness.common.isolation import ProcessLimits, isolated, streamed
+from harness.common.streams import to_stderr
 
 pytestmark = pytest.mark.forks
 
@@ -55,6 +57,12 @@ def test_every_end_of_a_fork_is_one_line_that_names_what_was_read(work, told):
         isolated(work, "`net`: file.xml", SHORT)
     assert str(error.value).startswith("`net`: file.xml: ")
     assert told in str(error.value)
+
+
+def test_a_fork_needs_no_stderr(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", None)
+    to_stderr("nobody reads it")
+    assert isolated(lambda: 3, "file") == 3
 
 
 @pytest.mark.slow
