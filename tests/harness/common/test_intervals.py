@@ -35,27 +35,6 @@ def test_no_collision_in_four_episodes_is_no_certainty():
     assert (other.low, other.high) == pytest.approx((100.0 - found.high, 100.0))
 
 
-def test_no_braking_in_half_a_kilometre_is_no_certainty_either():
-    found = possible_ci(np.zeros(3), np.full(3, 0.15), RATE)
-    assert found.low == 0.0
-    assert found.high == pytest.approx(2.0 * stats.chi2.ppf(0.975, 2) / 2.0 / 0.45)
-
-
-@given(
-    st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=2, max_size=8),
-    st.sampled_from([SHARE, RATE, ERROR]),
-)
-def test_every_interval_holds_its_mean_and_nothing_impossible(clusters, possible):
-    hits = np.array([100.0 * hit for hit, _ in clusters])
-    counts = np.array([float(hit + miss) for hit, miss in clusters])
-    found = possible_ci(hits, counts, possible)
-    if np.isfinite(found.low):
-        mean = hits.sum() / counts.sum()
-        assert possible.least <= found.low <= mean + 1e-9
-        assert mean - 1e-9 <= found.high <= possible.most
-        assert found.low < found.high
-
-
 def test_a_cost_with_a_limit_has_students_interval_up_to_there():
     sums, counts = np.array([9.0, 10.0, 6.0]), np.ones(3)
     free, within = (possible_ci(sums, counts, each) for each in (ERROR, Possible(0.0, 10.0, is_share=False)))
