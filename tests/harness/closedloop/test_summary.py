@@ -92,15 +92,6 @@ def test_the_answer_names_collisions_and_what_came_close_to_one():
 
 
 @pytest.mark.slow
-def test_the_order_of_rows_changes_nothing():
-    mixed = summary.scores(table_of().sample(frac=1.0, random_state=3))
-    for metric in (TTC, COLLIDED):
-        whole, shuffled = (one(each, "mmpf", metric) for each in (usual_scores(), mixed))
-        assert whole.excess == pytest.approx(shuffled.excess)
-        assert whole.ci95 == pytest.approx(shuffled.ci95)
-
-
-@pytest.mark.slow
 def test_provoked_episodes_are_told_apart_and_those_without_a_candidate_are_left_out():
     table = table_of()
     table.loc[(table["seed"] == 0) & (table[KIND] == BRAKE), ENDED] = NO_CANDIDATE

@@ -237,15 +237,6 @@ def test_half_written_files_of_a_killed_grid_are_removed(finished):
     assert [path.parent.name for path in finished.rglob("*.partial")] == ["notes"]
 
 
-@pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"\xff\xfe", b'{"succeeded": 1}', b'{"succeeded": false}'])
-def test_a_damaged_row_is_made_again(whole, finished, damage):
-    rows = sorted((finished / "runs").glob("*.json"))
-    rows[3].write_bytes(damage)
-    again = MadeUp()
-    pd.testing.assert_frame_equal(table_of(grid(finished, execute=again, resume=True).folder), table_of(whole))
-    assert again.rows == 1
-
-
 GRID_WRITES = 15
 """How many files a grid of eight runs writes: ledger, manifest, request, rows, tables, manifest again."""
 

@@ -3,8 +3,6 @@
 import pytest
 
 from harness.common.errors import InputError
-from harness.grid.cells import Cell, PlannedRun
-from harness.grid.worker import Finished, work_on_cell
 from harness.running.resolve import resolve_run_config
 from harness.running.run import run
 from tests.harness.stand_ins import SteadyTraffic, observing
@@ -20,12 +18,3 @@ def test_a_run_that_sees_nobody_is_refused_with_the_reason_and_leaves_nothing(se
     with pytest.raises(InputError, match=f"nothing can be scored.*{reason}"):
         run(config, out=tmp_path / "run", open_snapshots=observing(SteadyTraffic(steps=8)))
     assert not list(tmp_path.iterdir())
-
-
-def test_such_a_cell_of_a_grid_is_a_failed_run():
-    config = resolve_run_config(options={"tracker": ECHO}, settings=NOBODY)
-    told = []
-    work_on_cell(Cell((PlannedRun(config, ECHO),)), told.append, observing(SteadyTraffic(steps=8)))
-    (row,) = (message.row for message in told if isinstance(message, Finished))
-    assert row["succeeded"] is False
-    assert "nothing can be scored" in row["error"]

@@ -1,7 +1,6 @@
 import json
 import os
 import platform
-import signal
 import subprocess
 import sys
 
@@ -28,20 +27,6 @@ def test_an_unfinished_folder_says_so(tmp_path):
     again = runfolder.open_folder(tmp_path / "run", "x", force=False)
     assert again.leave_incomplete().name == "run.incomplete"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.incomplete"]
-
-
-@pytest.mark.slow
-def test_the_folder_of_a_killed_run_is_removed_by_the_next(tmp_path):
-    script = (
-        "import os, pathlib, signal; from harness.storage import run_folder as runfolder;"
-        f"folder = runfolder.open_folder(pathlib.Path({str(tmp_path / 'run')!r}), 'x', force=False).path;"
-        "(folder / runfolder.CONFIG).touch(); os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    killed = subprocess.run([sys.executable, "-c", script], check=False)
-    assert killed.returncode == -signal.SIGKILL
-    assert len(list(tmp_path.iterdir())) == 2, "the folder and the file of its lock"
-    runfolder.open_folder(tmp_path / "another", "x", force=False).finish()
-    assert [entry.name for entry in tmp_path.iterdir()] == ["another"]
 
 
 def test_only_what_surely_is_a_dead_runs_folder_is_removed(tmp_path):

@@ -118,15 +118,6 @@ def test_a_car_behind_a_trucks_tail_is_known_to_be_hidden_and_not_lost() -> None
     assert tracks.state[tracks.track_id == name].tolist() == [HIDDEN]
 
 
-@pytest.mark.slow
-def test_the_same_car_is_doubted_by_a_tracker_that_takes_the_truck_for_a_car() -> None:
-    existence = []
-    for measures_sizes in (True, False):
-        name, tracks = car_that_drives_into_the_shadow_of_a_truck(measures_sizes)
-        existence.append(float(tracks.existence[tracks.track_id == name].sum()))
-    assert existence[1] < 0.5 * existence[0]
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [
