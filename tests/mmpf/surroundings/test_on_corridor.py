@@ -188,55 +188,17 @@ def test_without_components_there_is_nothing_to_know():
         assert len(value if isinstance(value, np.ndarray) else value.gap_m) == 0
 
 
-def neighbours_of(*, lat: float, other_lat: float, width_m: float = 1.9) -> Surroundings:
-    """Return what a car at 50 m and some lateral place knows; another one, of some width, drives 20 m ahead."""
-    mean = np.zeros((6, 2))
-    mean[LON], mean[LAT], mean[SPEED] = [50.0, 70.0], [lat, other_lat], [20.0, 15.0]
-    far_ego, width = EgoPose(-500.0, 5.5, 0.0, 20.0, 4.7, 1.9), np.array([1.9, width_m])
-    belief = belief_of([mean[:, :1], mean[:, 1:]], length_m=[4.7, 4.7], width_m=width, confirmed=[True, True])
-    moments, is_seen = Moments(mean, np.zeros_like(mean), np.zeros(2)), np.full(2, True)
-    return surroundings_of(with_even_doubts(belief), moments, is_seen, far_ego, 0.0, highway(3))
-
-
-def test_a_vehicle_on_a_ramp_has_no_lane_lines_and_follows_nobody():
-    found = neighbours_of(lat=-3.0, other_lat=-3.0)
-    assert np.isnan([found.lane_right_m[0], found.lane_left_m[0]]).all()
-    assert not found.has_left_lane[0]
-    assert not found.has_right_lane[0]
-    for name in NEIGHBOURS:
-        assert not getattr(found, name).exists[0]
-
-
-def test_a_vehicle_on_the_shoulder_belongs_to_the_lane_next_to_it():
-    found = neighbours_of(lat=-0.9, other_lat=0.5)
-    assert (found.lane_right_m[0], found.lane_left_m[0]) == (0.0, 3.66)
-    assert found.has_left_lane[0]
-
-
-def test_a_vehicle_beyond_the_shoulder_belongs_to_no_lane():
-    assert np.isnan(neighbours_of(lat=-1.1, other_lat=1.83).lane_right_m[0])
-
-
 def test_a_car_on_the_line_that_leaves_room_is_nobodys_leader():
-    # Both in the middle lane, 1.7 m apart: bodies of 1.9 m overlap by 0.2 m, less than 15 %.
-    found = neighbours_of(lat=3.8, other_lat=5.5)
+    # Both in the middle lane, 20 m behind each other and 1.7 m apart: bodies of 1.9 m overlap by 0.2 m, less than 15 %.
+    mean = np.zeros((6, 2))
+    mean[LON], mean[LAT], mean[SPEED] = [50.0, 70.0], [3.8, 5.5], [20.0, 15.0]
+    far_ego = EgoPose(-500.0, 5.5, 0.0, 20.0, 4.7, 1.9)
+    belief = belief_of([mean[:, :1], mean[:, 1:]], length_m=[4.7, 4.7], width_m=[1.9, 1.9], confirmed=[True, True])
+    moments, is_seen = Moments(mean, np.zeros_like(mean), np.zeros(2)), np.full(2, True)
+    found = surroundings_of(with_even_doubts(belief), moments, is_seen, far_ego, 0.0, highway(3))
     assert not found.leader.exists[0]
     assert not found.left_leader.exists[0]
     assert not found.right_leader.exists[0]
-
-
-def test_a_car_in_the_way_leads_from_across_the_line_as_well():
-    # One in the right lane, the other in the middle one, 0.8 m apart.
-    found = neighbours_of(lat=3.3, other_lat=4.1)
-    assert found.leader.exists[0]
-    assert found.leader.gap_m[0] == pytest.approx(20.0 - 4.7)
-    assert found.leader.speed_mps[0] == 15.0
-    assert not found.left_leader.exists[0], "a vehicle that blocks the way is not beside it as well"
-
-
-def test_a_wide_truck_is_in_the_way_where_a_car_is_not():
-    assert not neighbours_of(lat=3.8, other_lat=5.5).leader.exists[0]
-    assert neighbours_of(lat=3.8, other_lat=5.5, width_m=2.6).leader.exists[0]
 
 
 def behind_a_doubtful_one(probability: float, weight: list[float] | None = None) -> Mixture:
