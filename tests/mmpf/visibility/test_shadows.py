@@ -23,13 +23,6 @@ def cars(count: int) -> Occluders:
     return Occluders(np.full(count, MEAN_CAR.length_m), np.full(count, MEAN_CAR.width_m))
 
 
-def visibility(lon: list[float], lat: list[float], bodies: Occluders | None = None) -> FloatArray:
-    lon_m, lat_m = np.array(lon), np.array(lat)
-    bodies = bodies or cars(len(lon))
-    table = depth_table(PLANE, lon_m, lat_m, np.ones(len(lon), dtype=np.bool_), bodies)
-    return visible_fractions(PLANE, lon_m, lat_m, np.arange(len(lon)), bodies, table)
-
-
 def traced(places: FloatArray, heading: FloatArray, bodies: Occluders, rays: int = 4000) -> FloatArray:
     """Share of the rays to points on each vehicle's silhouette that meet no nearer vehicle, ray by ray.
 
@@ -59,27 +52,6 @@ def traced(places: FloatArray, heading: FloatArray, bodies: Occluders, rays: int
             blocked |= (enter <= leave) & (enter > 0.0) & (enter < np.hypot(*centre))
         result[k] = 1.0 - blocked.mean()
     return result
-
-
-def test_a_car_exactly_behind_another_is_hidden_and_the_nearer_one_is_not() -> None:
-    assert visibility([30.0, 50.0], [lane_centre(2)] * 2) == pytest.approx([1.0, 0.0])
-
-
-def test_a_component_does_not_lie_in_its_own_shadow() -> None:
-    assert visibility([30.0], [lane_centre(2)]) == pytest.approx([1.0])
-
-
-def test_a_trucks_tail_hides_a_car_that_a_car_in_its_place_leaves_in_view() -> None:
-    # Seen from the sensor the far car is at 14.7 to 22.8 degrees; a car ends at 14.6, the truck's tail at 24.0.
-    lon, lat = [20.0, 22.0], [lane_centre(3), lane_centre(4)]
-    beside_a_car = visibility(lon, lat)
-    beside_a_truck = visibility(lon, lat, Occluders(np.array([18.0, 4.7]), np.array([2.5, 1.9])))
-    assert beside_a_car == pytest.approx([1.0, 1.0], abs=0.1)
-    assert beside_a_truck == pytest.approx([1.0, 0.0], abs=0.1)
-
-
-def test_cars_side_by_side_do_not_hide_each_other() -> None:
-    assert visibility([30.0, 30.0], [lane_centre(2), lane_centre(4)]) == pytest.approx([1.0, 1.0])
 
 
 def test_the_sensors_own_free_space_asserts_occlusion() -> None:
@@ -168,16 +140,6 @@ def test_visible_fractions_are_those_of_each_particle_ray_by_ray(spread_m: float
         own = table.caster[0, sector] == component[n]
         surface = np.where(own, table.depth_m[1, sector], table.depth_m[0, sector])
         assert found[n] == pytest.approx((surface >= distance).mean(), abs=1e-12)
-
-
-def test_walls_hide_what_is_behind_them_from_the_tracker_too() -> None:
-    walls = np.array([[20.0, -5.0, 20.0, 5.0], [-40.0, 10.0, -20.0, 10.0]])
-    graph = graph_of({"there": [(-200, 0), (200, 0)]})
-    plane = SensorPlane(EgoPose(0.0, 0.0, 0.0, 0.0, 4.7, 1.9), LaneGraphRoad(graph=graph, walls_xy=walls))
-    lon, lat = np.array([15.0, 40.0, 40.0, -30.0, -60.0]), np.array([0.0, 0.0, 15.0, 8.0, 20.0])
-    table = depth_table(plane, lon, lat, np.zeros(5, dtype=np.bool_), cars(5))
-    found = visible_fractions(plane, lon, lat, np.arange(5), cars(5), table)
-    assert found == pytest.approx([1.0, 0.0, 1.0, 1.0, 0.0], abs=0.05)
 
 
 @pytest.mark.parametrize(
