@@ -93,13 +93,6 @@ def test_the_visible_fraction_of_a_half_covered_wall_follows_from_trigonometry()
     assert occluder.tolist() == [1, -1]
 
 
-def test_a_car_straight_behind_the_sensor_straddles_the_cut_of_the_angles():
-    fraction, occluder = Scene(np.array([[-40.0, 0.0, 0.0, 4.7, 2.0], [-20.0, 1.0, 0.0, 0.002, 2.0]])).look()
-    rear = np.arctan2(1.0, 37.65)
-    assert fraction[0] == pytest.approx(0.5, abs=1e-6) == rear / (2 * rear)
-    assert occluder.tolist() == [1, -1]
-
-
 def test_the_car_that_covers_most_is_the_occluder():
     wall = [30.0, 0.0, np.pi / 2, 12.0, 1.0]
     narrow, broad = [15.0, 2.0, np.pi / 2, 0.5, 0.5], [15.0, -1.5, np.pi / 2, 2.0, 0.5]
@@ -111,14 +104,6 @@ def test_cars_that_touch_hide_only_what_lies_behind():
     assert fraction[0] == pytest.approx(1.0)
     assert fraction[1] == pytest.approx(0.0, abs=1e-9)
     assert 0.9 < fraction[2] <= 1.0
-
-
-def test_overlapping_rectangles_are_shared_out_where_their_edges_cross():
-    scene = Scene(np.array([[20.0, 0.0, np.pi / 4, 8.0, 0.5], [20.0, 0.0, -np.pi / 4, 8.0, 0.5]]))
-    fraction, occluder = scene.look()
-    assert fraction == pytest.approx(cast_rays(scene), abs=2e-3)
-    assert fraction[0] == pytest.approx(fraction[1])
-    assert occluder.tolist() == [1, 0]
 
 
 def largest_disagreement(scenes, seed):
@@ -154,25 +139,6 @@ def test_fractions_stay_within_bounds_and_every_covered_rectangle_has_an_occlude
     assert ((fraction >= 0.0) & (fraction <= 1.0)).all()
     assert ((occluder >= 0) == (fraction < 1.0 - 1e-9)).all()
     assert (occluder != np.arange(len(occluder))).all()
-
-
-@given(any_scene, st.data())
-def test_removing_a_vehicle_never_lowers_the_visibility_of_another(scene, data):
-    removed = data.draw(st.integers(0, len(scene.rows) - 1))
-    before = np.delete(scene.look()[0], removed)
-    after, _ = Scene(np.delete(scene.rows, removed, axis=0)).look()
-    assert (after >= before - 1e-9).all()
-
-
-@given(seeds)
-def test_the_order_of_the_vehicles_does_not_matter(seed):
-    rng = np.random.default_rng(seed)
-    scene = random_scene(rng)
-    order = rng.permutation(len(scene.rows))
-    fraction, occluder = scene.look()
-    shuffled_fraction, shuffled_occluder = Scene(scene.rows[order]).look()
-    assert shuffled_fraction == pytest.approx(fraction[order], abs=1e-9)
-    assert np.append(order, -1)[shuffled_occluder].tolist() == occluder[order].tolist()
 
 
 @given(seeds, st.floats(-10, 10), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.booleans())
