@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from harness.common.errors import InputError
-from harness.common.files import is_temporary, write_text, writing
+from harness.common.files import check_unlinked, is_temporary, write_text, writing
 from harness.common.untrusted_files import read_json
 from harness.storage import ownership
 from harness.storage.lock import LOCK, lock_within
@@ -30,7 +30,7 @@ def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> I
     """Make or resume a grid's folder, lock it, and yield the folder of its rows.
 
     Raises:
-        InputError: It may not be taken up, can't be written, or another process is writing it.
+        InputError: It may not be taken up, holds a link, can't be written, or another process is writing it.
     """
     if out.exists() and not resume:
         raise InputError(f"`out`: {out} exists; add `resume` to go on with it, or choose another folder")
@@ -43,6 +43,7 @@ def open_grid_folder(out: Path, resume: bool, kind: str = ownership.STRESS) -> I
             holds_files = any(entry.name != LOCK and not is_temporary(entry.name) for entry in there)
             if holds_files and ownership.kind_of(out) != kind:
                 raise InputError(f"`out`: {out} is not a {ownership.plain(kind)}'s folder; choose another folder")
+            check_unlinked(out, out.rglob("*"), "out")
             out.mkdir(parents=True, exist_ok=True)
             lock = lock_within(out)
         except OSError:

@@ -97,6 +97,9 @@ def test_what_is_no_grids_folder_is_told_with_why(tmp_path):
     assert refused(grid, ownership.RUN) == (
         f"`out`: {grid} is not a {ownership.plain(ownership.RUN)}'s folder; choose another folder"
     )
+    (grid / "runs" / "a.json").symlink_to(file)
+    assert refused(grid).startswith(f"`out`: {grid / 'runs' / 'a.json'} is a link")
+    (grid / "runs" / "a.json").unlink()
     (grid / "runs" / "folder").mkdir()
     assert refused(grid) == f"`out`: {grid / 'runs' / 'folder'} is no file of a {word}; move it away"
 
