@@ -72,7 +72,7 @@ BY_NET = '<configuration><input><net-file value="bad.net.xml"/></input></configu
             for net in ("", "<net>", "no xml", "<net></net>", "<net><edge id='a'><lane/></edge></net>", "<routes/>")
         ),
         *(
-            ({"bad.sumocfg": content}, "bad.sumocfg", "")
+            ({"bad.sumocfg": content}, "bad.sumocfg", r"bad\.sumocfg|network file: x")
             for content in (
                 "",
                 *(f"<configuration{rest}" for rest in ("/>", "", '><net-file value="x"/></configuration>')),
