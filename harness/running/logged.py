@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.bounds import Numbers, check_numbers
+from harness.common.error_text import shown
 from harness.common.errors import InputError
 from harness.common.isolation import trusted
 from harness.common.signals import signals_held
@@ -193,6 +194,8 @@ def _of_run(logs: Logs, name: str) -> Scored:
     for option in ("detections", "ego", "sensor", "seed"):
         if logs[option] is not None:
             raise InputError(f"`{option}`: it is taken from the run's folder {logs['truth']}; leave it out")
+    if "tracker" in merged(None, {}, logs["settings"] or []):
+        raise InputError("`settings`: tracker does not concern a log, whose tracker ran elsewhere; leave it out")
     config = resolve_run_config(options={"replay": str(logs["truth"])}, settings=logs["settings"] or [])
     config = config.model_copy(update={"tracker": TrackerConfig(name=name)})
     truth = runfolder.read_table(logs["truth"], runfolder.TRUTH, TRUTH)
@@ -258,9 +261,12 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
     usual = {"lat_speed_mps": 0.0, "existence": 1.0, **dict.fromkeys(STDS, 1.0)}
     for name, value in usual.items():
         placed[name] = complete.filled(placed, name, value)
-    codes = {word: code for code, word in enumerate(TRACK_STATES)}
-    known = placed.reindex(columns=["state"])["state"].astype(str)
-    placed["state"] = known.map(codes).fillna(CONFIRMED).astype(np.int8)
+    codes = {word: code for code, word in enumerate(TRACK_STATES)} | {"": CONFIRMED}
+    words = placed.reindex(columns=["state"], fill_value="")["state"].fillna("").astype(str)
+    if odd := sorted(set(words) - set(codes)):
+        there = f"there are {', '.join(TRACK_STATES)}; rename it, or drop the column"
+        raise InputError(f"`tracks`: state holds {shown(odd[0])}; {there}")
+    placed["state"] = words.map(codes).astype(np.int8)
     placed["track_id"] = placed["id"].astype(np.int64)
     columns = {column: placed[column].to_numpy() for column in Tracks.__dataclass_fields__}
     times = np.round(placed["time_s"].to_numpy(dtype=np.float64), 6)

@@ -395,7 +395,7 @@ def test_what_is_missing_or_does_not_belong_together_is_one_line(tmp_path, run, 
     assert runfolder.read_table(tmp_path / "scored", runfolder.TRUTH, "truth")["time_s"].nunique() == STEPS
 
 
-def test_a_row_without_deviation_leaves_calibration_open_and_one_without_identity_is_refused(tmp_path, run, capsys):
+def test_a_row_without_deviation_leaves_calibration_open_and_one_that_is_unclear_is_refused(tmp_path, run, capsys):
     tracks, path = pd.read_parquet(run.folder / runfolder.TRACKS), tmp_path / "some.parquet"
     tracks.assign(std_lat_m=tracks["std_lat_m"].where(tracks.index > 0)).to_parquet(path)
     assert score(tmp_path, run.folder, path) == 0
@@ -403,3 +403,7 @@ def test_a_row_without_deviation_leaves_calibration_open_and_one_without_identit
     tracks.assign(track_id=tracks["track_id"].astype("Int64").where(tracks.index > 0)).to_parquet(path)
     assert score(tmp_path, run.folder, path) == 2
     assert "1 rows have no identity" in capsys.readouterr().err
+    tracks.assign(state="Tentative").to_parquet(path)
+    for words, told in (((), "--tracks: state holds 'Tentative'"), (("--set", "tracker.name=pmbm"), "--set: tracker ")):
+        assert score(tmp_path, run.folder, path, *words) == 2
+        assert told in capsys.readouterr().err
