@@ -7,7 +7,7 @@ import pytest
 from harness.common.errors import InputError
 from harness.config.model import RunConfig
 from harness.config.options import checked
-from harness.grid.cells import PlannedRun, distinct_trackers
+from harness.grid.cells import PlannedRun, distinct_trackers, labels_markdown
 from harness.grid.grid import GridRequest, plan_grid
 from harness.grid.options import GridOptions
 from harness.grid.request import request_of
@@ -48,6 +48,20 @@ def test_what_is_wrong_with_a_grid_is_told_with_its_option_and_the_fix(asked, op
         plan_grid(GridRequest(**{"seeds": "1"} | asked))
     assert f"`{option}`" in str(caught.value)
     assert words in str(caught.value)
+
+
+def test_models_go_with_mmpf_only_and_not_with_a_variant_that_names_its_own():
+    asked = GridRequest(densities="20", seeds="1", models="cvm,cam", trackers="mmpf+model=idm,mmpf,stonesoup-gnn")
+    assert [(run["variant"], run["model"]) for run in (run.identity() for run in plan_grid(asked).runs)] == [
+        ("mmpf+model=idm", "idm"), ("mmpf", "cvm"), ("mmpf", "cam"), ("stonesoup-gnn", None),
+    ]  # fmt: skip
+
+
+def test_a_label_names_a_tracker_with_its_settings():
+    grid = plan_grid(GridRequest(densities="20", seeds="1", trackers="pmbm,calm=pmbm+lon_noise=1.5"))
+    assert [run.variant for run in grid.runs] == ["pmbm", "calm"]
+    assert [run.config.tracker.options for run in grid.runs] == [{}, {"lon_noise": 1.5}]
+    assert "- calm: `pmbm+lon_noise=1.5`" in labels_markdown(grid)
 
 
 def test_the_runs_of_a_grid_stand_in_this_order_with_these_settings():

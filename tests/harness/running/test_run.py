@@ -99,6 +99,20 @@ def test_a_replay_refuses_other_traffic_or_another_sensor(finished, option):
         resolve_run_config(options={"replay": str(finished), **option})
 
 
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        (("sensor.range_m=1.0",), "range"),
+        (("sensor.detection_probability=0.0", "sensor.clutter_per_scan=0.0"), "detected"),
+    ],
+)
+def test_a_run_that_sees_nobody_is_refused_with_the_reason_and_leaves_nothing(settings, reason, tmp_path):
+    config = resolve_run_config(options={"tracker": ECHO}, settings=settings)
+    with pytest.raises(InputError, match=f"nothing can be scored.*{reason}"):
+        run_on(SteadyTraffic(steps=8), config, tmp_path / "run")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_failure_keeps_the_finished_steps_and_says_so(steady_traffic, tmp_path):
     steady_traffic.fail_at = 7
     with pytest.raises(RunError, match=r"after 7 steps.*the traffic broke"):

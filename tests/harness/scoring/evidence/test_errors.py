@@ -1,8 +1,10 @@
 """Who is scored by which track, on scenes that a reader can check by hand."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from harness.scoring.evidence.errors import error_arrays
 from tests.harness.scoring.scenes import Scene, score_run
 
 
@@ -100,3 +102,17 @@ def test_means_by_time_hidden_use_the_time_since_the_last_detection():
     assert counts == [(0, 1, 10), (1, 2, 10), (2, 3, 10), (3, 5, 20), (5, 10, 0)]
     assert [row["lon_m"] for row in bins[:4]] == pytest.approx([5.5, 15.5, 25.5, 40.5])
     assert bins[4]["lon_m"] is None
+
+
+def test_a_vehicle_of_the_same_name_in_another_episode_is_another_vehicle():
+    numbers = ("lon_error_m", "lat_error_m", "speed_error_mps", "lat_speed_error_mps", "seconds_hidden")
+    errors = pd.DataFrame(
+        {
+            "episode": [0, 0, 1, 1],
+            "vehicle_id": ["a", "b", "a", "b"],
+            "state": "visible",
+            "outcome": "tracked",
+            **dict.fromkeys(numbers, 0.0),
+        }
+    )
+    assert len(set(error_arrays(errors).vehicle)) == 4
