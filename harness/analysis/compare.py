@@ -231,7 +231,8 @@ def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
     for key in rules.primary:
         if key not in known:
             told = nearest(str(key), list(known), "docs/reference/metrics.md lists them")
-            option, own = ("gate", "") if key in rules.limits else ("primary", f" (your own: MODULE:{key})")
+            option = "gate" if key in rules.limits else "primary"
+            own = f" (your own: `primary` MODULE:{key})"
             raise InputError(f"`{option}` {key}: no such metric is compared{own}{told}")
         rules.limit(known[key]).check(known[key])
     return rules

@@ -126,7 +126,8 @@ def test_a_gate_file_names_metrics_with_tolerances_floors_and_ceilings(tmp_path,
         ("floors = 3", "unknown key"),
         ('[metrics."mot.hota"]\ntolerance = 5', "0 to 1"), ('[metrics."mot.hota"]\nfloor = 600', "from 0 to 100"),
         ('[metrics."mot.hota"]\nfloor = 60\nceiling = 50', "above it"),
-        ('[metrics."mot.x"]', "--gate mot.x: no"), ('[metrics."mot.hota"]\nfloor = nan', "finite"), ("a = ", "TOML"),
+        ('[metrics."mot.x"]', "(your own: --primary MODULE:mot.x)"),
+        ('[metrics."mot.hota"]\nfloor = nan', "finite"), ("a = ", "TOML"),
     ):  # fmt: skip
         capsys.readouterr()
         assert with_gate(wrong) == exit_codes.WRONG_INPUT, wrong
