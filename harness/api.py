@@ -314,7 +314,7 @@ def make_run(options: Mapping[str, object], command: str, quiet: bool) -> Finish
         )
         if values["video"] is not None:
             with drawing("video"):
-                video.write_video(finished.folder, values["video"], values["force"])
+                video.write_video(finished.folder, values["video"], values["force"], quiet)
         return finished
 
 

@@ -69,16 +69,16 @@ def command(options: Options) -> None:
     if unused := [name for name in ("out", "gzip") if to is None and options[name]]:
         raise InputError(f"`{unused[0]}`: only `to` uses it; leave it out, or add `to`")
     files: list[Path] = []
-    with working("exporting", quiet=False):
-        if to is not None:
+    if to is not None:
+        with working("exporting", quiet=False):
             files = export_run(
                 folder, to, options["out"], force, lambda line: typer.echo(line, err=True), packed=options["gzip"]
             )
-        if video is not None:
-            with drawing("video"):
-                from harness.report.video import write_video  # noqa: PLC0415
+    if video is not None:
+        with drawing("video"):
+            from harness.report.video import write_video  # noqa: PLC0415
 
-                files.append(write_video(folder, video, force))
+            files.append(write_video(folder, video, force, quiet=False))
     tell_edited(folder, "folder")
     if options["json"]:
         typer.echo(json.dumps({"files": [str(file) for file in files]}))

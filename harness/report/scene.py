@@ -44,7 +44,8 @@ class PictureScene:
     """One moment on the road: truth, what the sensor made of it, and the tracker of that, and the sensor's range.
 
     ``particles`` are the longitudinal and lateral positions, shape (2, n); None of a tracker without any. The vehicle
-    ``named`` is written at its place; empty for none.
+    ``named`` is written at its place; empty for none. ``across_m`` are the lowest and highest lateral position that are
+    drawn; None for those of the lanes in range, in the plane of all that is.
     """
 
     frame: Frame
@@ -54,6 +55,7 @@ class PictureScene:
     range_m: float
     particles: FloatArray | None = None
     named: str = ""
+    across_m: tuple[float, float] | None = None
 
     @property
     def origin_m(self) -> float:
@@ -137,7 +139,8 @@ def legend_entries(with_particles: bool, with_walls: bool) -> list[Patch | Line2
 
 
 def _road_edges(scene: PictureScene) -> tuple[float, float]:
-    """Return the lowest and highest lateral position of the lanes within range; in the plane of all that is."""
+    if scene.across_m is not None:
+        return scene.across_m
     within = scene.origin_m - scene.range_m, scene.origin_m + scene.range_m
     return scene.road.across_m(within, float(scene.frame.lat_m[scene.frame.ego]), scene.range_m)
 
