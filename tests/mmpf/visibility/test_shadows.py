@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapely import LineString, Point, box
 
 from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Road
@@ -11,7 +12,7 @@ from mmpf.map.sensor_plane import SensorPlane
 from mmpf.numerics.arrays import FloatArray
 from mmpf.options.filter import MEAN_CAR
 from mmpf.scan import EgoPose, FreeSpace
-from mmpf.visibility.depth import Occluders, depth_table
+from mmpf.visibility.depth import BEARINGS, Occluders, depth_table
 from mmpf.visibility.shadows import shadowed_share, visible_fractions
 from tests.mmpf.map.scenes import graph_of
 from tests.mmpf.scenes import ROAD, ego_at, lane_centre
@@ -173,3 +174,22 @@ def test_crossing_vehicles_hide_each_other_by_the_sides_that_they_show() -> None
         table = depth_table(plane, lon, lat, np.ones(2, dtype=np.bool_), bodies)
         found = visible_fractions(plane, lon, lat, np.arange(2), bodies, table)
         assert found == pytest.approx(traced(np.stack([lon, lat]), bodies.turn_rad, bodies), abs=0.12)
+
+
+def nearest_two(places: FloatArray, bodies: Occluders, bearing: float) -> list[float]:
+    """Return the distances at which a ray meets the two nearest bodies that point along x, by shapely."""
+    ray = LineString([(0.0, 0.0), (200.0 * np.cos(bearing), 200.0 * np.sin(bearing))])
+    boxes = (
+        box(x - 0.5 * length, y - 0.5 * width, x + 0.5 * length, y + 0.5 * width)
+        for x, y, length, width in zip(*places, bodies.length_m, bodies.width_m, strict=True)
+    )
+    return sorted(Point(0.0, 0.0).distance(ray.intersection(each)) for each in boxes if ray.intersects(each))[:2]
+
+
+def test_a_sector_knows_the_near_sides_of_the_two_nearest_bodies_along_its_middle():
+    lon_m, lat_m = np.array([20.0, 40.0, 60.0, 25.0]), lane_centre(2) + np.array([0.0, 0.5, 1.0, 8.0])
+    table = depth_table(PLANE, lon_m, lat_m, np.ones(4, dtype=np.bool_), cars(4))
+    places = np.stack(PLANE.seen_from_sensor(lon_m, lat_m))
+    for sector in range(BEARINGS):
+        expected = nearest_two(places, cars(4), -np.pi + (sector + 0.5) * 2.0 * np.pi / BEARINGS)
+        assert table.depth_m[:, sector] == pytest.approx([*expected, np.inf, np.inf][:2], abs=1e-6)
