@@ -92,6 +92,8 @@ def test_what_the_readme_says_below_its_table_is_what_the_runs_give():
         less = cost[other] - cost["mmpf"]
         half = student.isf(0.025, len(less) - 1) * less.sem()
         assert f"{less.mean():.2f} m [{less.mean() - half:.2f}, {less.mean() + half:.2f}] smaller" in text
+    missed = trackers.groupby("variant")["decisions.missed"].sum()[["mmpf", "pmbm-doubting", "oracle-kalman"]]
+    assert f"misses {missed.min():.0f} or {missed.max():.0f} brakings in the twenty runs" in text
     means = stopped.groupby(["mismatch", "variant"]).mean(numeric_only=True)
     mine, doubting, usual = means.loc["as is", "in_plain_view.stopped_recall"][["mmpf", "pmbm-doubting", "pmbm"]]
     assert f"{mine:.1f} % of the time with `mmpf`, {doubting:.1f} % with `pmbm-doubting` and {usual:.1f} % with" in text
