@@ -1,6 +1,10 @@
 """Logs of any origin are scored as runs are: the formats agree, what they lack is worked out, broken ones are told."""
 
 import json
+import re
+import shlex
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +23,7 @@ from harness.running.open import open_snapshots
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.logs import LogFile
 from harness.truth.recorded.messages import read_bag
+from mmpf.tracks import Tracks
 from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.grid.executors import InProcess
 from tests.harness.recorded_scene import write_recorded_scene
@@ -327,6 +332,29 @@ def test_a_text_in_a_number_column_of_a_log_is_one_line(column, tmp_path, run, c
 def run_export(folder: Path, out: Path, to: str = "mcap") -> list[Path]:
     assert run_command_line(["export", str(folder), "--to", to, "--out", str(out)]) == 0
     return sorted(out.glob("*.mcap"))
+
+
+@pytest.mark.slow
+def test_a_program_that_reads_the_exported_scans_has_the_scores_of_the_run_with_it_and_never_sees_the_truth(tmp_path):
+    scene = write_recorded_scene(tmp_path / "scene")
+    program = [sys.executable, str(Path(__file__).parents[3] / "docs" / "examples" / "exec_tracker.py")]
+    run = harness.run(replay=scene, tracker=f"exec:{shlex.join(program)}", out=tmp_path / "run")
+    run_export(run.folder, tmp_path / "scans", "scans")
+    text = (tmp_path / "scans" / "episode-0.txt").read_text()
+    times = {words[1]: float(words[2]) for words in map(str.split, text.splitlines()) if words[0] == "scan"}
+    answers = subprocess.run(program, input=text, capture_output=True, text=True, check=True).stdout.splitlines()[1:]
+    rows, time_s = [], 0.0
+    for words in map(str.split, answers):
+        if words[0] == "tracks":
+            time_s = times[words[1]]
+        else:
+            rows.append([time_s, *words])
+    pd.DataFrame(rows, columns=["time_s", *Tracks.__dataclass_fields__]).to_csv(tmp_path / "log.csv", index=False)
+    assert score(tmp_path, run.folder, tmp_path / "log.csv") == 0
+    assert metrics_of(tmp_path / "scored") == metrics_of(run.folder)
+    for file in (tmp_path / "scans").iterdir():
+        words = set(re.split(r"\W", file.read_text()))
+        assert not {"truth_id", "vehicle_id", "visible_fraction", "near", "far"} & words
 
 
 BROKEN = {
