@@ -119,12 +119,13 @@ def survived(function: str, arguments: tuple[object, ...], named: str) -> Any:  
 def answer() -> None:
     """Do the work of the process that ``survived`` starts: call, and tell what came of it."""
     end_with_parent()
-    set_folder_aside()
     writing = int(sys.argv[1])
     _tell_of_exits(writing)
     told: tuple[Any, BaseException | None]
     try:
-        told = resolve_name(sys.argv[2])(*pickle.load(sys.stdin.buffer)), None
+        arguments = pickle.load(sys.stdin.buffer)  # a tracker among them may be of a module of the working folder
+        set_folder_aside()
+        told = resolve_name(sys.argv[2])(*arguments), None
     except (InputError, RunInterruptedError, KeyboardInterrupt) as error:
         told = None, error
     except BaseException as error:  # whatever external code raises

@@ -107,6 +107,16 @@ def test_what_a_finished_command_leaves_behind_neither_holds_it_up_nor_is_heard(
     assert (ended.returncode, ended.stdout, ended.stderr.replace("later\n", "")) == (7, "done\n", "")
 
 
+def test_a_call_that_a_process_of_its_own_makes_is_given_functions_of_the_working_folder(tmp_path):
+    (tmp_path / "mine.py").write_text("def make():\n    pass\n")
+    imports = "import mine; from harness.common.watching import survived"
+    call = f"{imports}; print(survived('builtins:callable', (mine.make,), ''))"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    words = [sys.executable, "-c", call]
+    ended = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (ended.stdout, ended.stderr) == ("True\n", "")
+
+
 def test_a_signal_that_is_ignored_as_under_nohup_stays_ignored():
     previous = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
