@@ -194,6 +194,10 @@ def test_times_may_be_off_by_a_tenth_of_a_step_and_what_is_outside_of_the_truth_
         assert score(tmp_path, run.folder, path) == code
         assert ("between the truth's times" in capfd.readouterr().err) == (code == 2)
     assert metrics_of(tmp_path / "scored")["mot"] == metrics_of(run.folder)["mot"]
+    soon = tracks[tracks["step"] == tracks["step"].min()].assign(time_s=run.truth["time_s"].min() - 0.04)
+    pd.concat([soon, tracks]).to_parquet(path)
+    assert score(tmp_path, run.folder, path) == 0
+    assert f"left out: {len(soon)} at no time of the truth" in capfd.readouterr().err
     later = tracks.assign(time_s=tracks["time_s"] + 1.0)
     later.to_parquet(path)
     assert score(tmp_path, run.folder, path) == 0
