@@ -35,6 +35,12 @@ def test_no_collision_in_four_episodes_is_no_certainty():
     assert (other.low, other.high) == pytest.approx((100.0 - found.high, 100.0))
 
 
+def test_no_braking_in_half_a_kilometre_is_no_certainty_either():
+    found = possible_ci(np.zeros(3), np.full(3, 0.15), RATE)
+    assert found.low == 0.0
+    assert found.high == pytest.approx(2.0 * stats.chi2.ppf(0.975, 2) / 2.0 / 0.45)
+
+
 def test_a_cost_with_a_limit_has_students_interval_up_to_there():
     sums, counts = np.array([9.0, 10.0, 6.0]), np.ones(3)
     free, within = (possible_ci(sums, counts, each) for each in (ERROR, Possible(0.0, 10.0, is_share=False)))
