@@ -5,8 +5,10 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from harness.analysis.compare import Judgement, compare
 from harness.analysis.comparison_text import as_markdown
@@ -16,7 +18,7 @@ from harness.analysis.verdicts import BETTER, NO_WORSE, UNDECIDED, UNTESTED, WOR
 from harness.analysis.why import CAUSES, KINDS, TrackFailure, Why
 from harness.api import Run
 from harness.common.errors import InputError
-from harness.scoring.metrics.closedloop import COLLIDED
+from harness.scoring.metrics.closedloop import COLLIDED, HARD_BRAKES, KM
 from harness.scoring.metrics.closedloop import PRIMARY as DRIVEN
 from tests.harness.analysis.test_comparison_text import comparison, verdict
 
@@ -217,6 +219,21 @@ def test_a_folder_that_holds_no_grid_or_run_is_told_why(tmp_path):
 
 
 RUN = {"net": "us101", "density": None, "demand": "light", "seed": 3, "tracker": "mmpf", "model": "cvm"}
+
+
+def test_brakes_a_kilometre_are_all_brakes_over_all_kilometres_of_a_side():
+    keys = [quantity.key for quantity in compared_quantities(DRIVEN, closed_loop=True)]
+    brakes, km = np.array([[0.0, 3.0, 1.0, 2.0], [4.0, 1.0, 0.0, 2.0]]), np.array([[1.0, 2, 3, 4], [2.0, 2, 5, 1]])
+    sides = [
+        source(name, rows(**dict.fromkeys(keys, 1.0)).assign(**{HARD_BRAKES: brakes[k] / km[k], KM: km[k]}))
+        for k, name in enumerate("ab")
+    ]
+    (found,) = (each for each in compare(*sides).verdicts if each.metric == HARD_BRAKES)
+    assert (found.a, found.b) == pytest.approx(tuple(brakes.sum(axis=1) / km.sum(axis=1)))
+    # Of a ratio of totals, the scatter is that of what each episode adds to it.
+    shares = (brakes - km * np.array([[found.a], [found.b]])) / km.mean(axis=1, keepdims=True)
+    half = stats.t.ppf(0.975, 3) * np.std(shares[1] - shares[0], ddof=1) / 2.0
+    assert found.ci95 == pytest.approx((found.difference - half, found.difference + half))
 
 
 def test_a_run_is_opened_as_one_row_or_told_to_be_broken(tmp_path, monkeypatch):
