@@ -70,7 +70,7 @@ def _seeds(seeds: object) -> str | None:
     whole = first and all(isinstance(seed, int) and not isinstance(seed, bool) for seed in first)
     if not whole or list(first) != list(range(first[0], first[0] + len(first))):
         raise InputError(f"`seeds`: give seeds that follow each other, such as range(0, 10), not {shown(list(first))}")
-    return f"{seeds[0]}:{seeds[-1] + 1}"
+    return f"{first[0]}:{first[0] + len(first)}"
 
 
 def _axes(vary: Sequence[str] | Mapping[str, object] | None) -> list[str]:
