@@ -10,7 +10,7 @@ from harness.analysis.mismatch_cost import STOPPED, STOPPED_NOTE
 from harness.analysis.pooled import Mean
 from harness.common.markdown import PagePart, markdown_page, markdown_table, show_markdown
 from harness.scoring.metrics.quantity import Quantity
-from harness.scoring.metrics.registry import is_from_outside
+from harness.scoring.metrics.registry import is_from_outside, quantities
 from harness.storage.schema import NET
 
 NAMES = {NET: "network"}
@@ -154,9 +154,10 @@ BY_KIND = {MANOEUVRE_NOTE: ("vehicles", ", "), CAUSE_NOTE: ("behind", ", behind 
 def _themes(metrics: Collection[str]) -> list[tuple[str, list[Quantity]]]:
     """Return the columns of each table with what stands over it; of optional ones those among the given metrics."""
     themes: dict[str, list[Quantity]] = {HIDDEN_NOTE: [], FOLLOWED_NOTE: [], REST_NOTE: []}
+    added = {quantity.metric for quantity in quantities() if is_from_outside(quantity)}
     for quantity in table_quantities():
         if not quantity.is_of_some_runs or quantity.key in metrics:
-            note = OWN_NOTE if is_from_outside(quantity) else THEMES.get(quantity.metric, REST_NOTE)
+            note = OWN_NOTE if quantity.metric in added else THEMES.get(quantity.metric, REST_NOTE)
             themes.setdefault(note, []).append(quantity)
     return list(themes.items())
 
