@@ -25,8 +25,8 @@ from harness.storage.manifest import unproven
 from harness.storage.run_folder import COMPLETE
 
 WEIGHTS = (
-    "Each run counts the same here. A stress test's tables and curves weigh runs by their vehicle-steps or "
-    "occlusions, so their means may differ."
+    "Each run counts the same here, except in rates a kilometre, which are ratios of totals. A stress test's tables "
+    "and curves weigh runs by their vehicle-steps or occlusions, so their means may differ."
 )
 HIDDEN = ("mae.hidden.lon_m", "mae.hidden.speed_mps")
 

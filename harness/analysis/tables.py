@@ -89,8 +89,8 @@ def print_result(
 
 
 WEIGHTS_NOTE = (
-    "Means over vehicle-steps or occlusions weigh runs by the number of these. `compare` counts each run the same, so "
-    "its means may differ."
+    "Means over vehicle-steps or occlusions weigh runs by the number of these. `compare` counts each run the same, "
+    "except in rates a kilometre, so its means may differ."
 )
 HOTA_NOTE = (
     "HOTA is by position (similarity falls to 0 at 8 m along the road and 4 m across), not by overlap of boxes, so "
