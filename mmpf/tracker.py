@@ -58,10 +58,10 @@ class MixtureTracker:
             proposal: What new states are drawn from; the prior by default.
         """
         self._road, self._sensor, self._rng = road, sensor, rng
-        self._options = options or FilterOptions()
+        self._on_road = on_road(road)
+        self._options = self._on_road.options(options or FilterOptions())
         self._proposal = proposal
         self._rule = RULES[self._options.update](self._options, sensor)
-        self._on_road = on_road(road)
         self._motion = self._on_road.motion(self._rule.motion(motion))
         self._error = self._rule.model_error(self._motion)
         self._mixture = Mixture.empty(self._motion.latent_size, self._rule.first(0), road.has_headings)

@@ -18,9 +18,8 @@ from mmpf.scan import SensorModel
 FALSE_KINDS = KINDS - 1
 # A vehicle that was hardly looked at says nothing of its detectability.
 FEWEST_HITS = 10
-IN_VIEW_PER_S, PRIOR_APPEAR_S = 0.05, 3.0
-"""Prior rate of vehicles that are first detected in plain view, although they should have been detected earlier, and
-its weight in seconds; observed vehicles update it."""
+PRIOR_APPEAR_S = 3.0
+"""Weight of the prior rate of vehicles that are first detected in plain view, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -139,13 +138,13 @@ class FalseObjects:
         prior = options.prior_count * shares_of(options.shading)
         return shares_of((self.vehicles + self.present).sum(axis=1) + prior)
 
-    def vehicles_in_view_per_s(self) -> float:
-        """Return how many vehicles a second are first detected in plain view.
+    def vehicles_in_view_per_s(self, usual: float) -> float:
+        """Return how many vehicles a second are first detected in plain view; ``usual`` is the prior rate.
 
         What was counted can only raise the rate: that none was found so far rules out no car that nobody has seen.
         """
-        known = PRIOR_APPEAR_S * IN_VIEW_PER_S + float(self.in_view.sum())
-        return max(known / (PRIOR_APPEAR_S + self.watched_s), IN_VIEW_PER_S)
+        known = PRIOR_APPEAR_S * usual + float(self.in_view.sum())
+        return max(known / (PRIOR_APPEAR_S + self.watched_s), usual)
 
     def standing_share(self, usual: FloatArray | float, options: JointVehicles) -> FloatArray | float:
         """Return the share of vehicles that stand, in the shape of ``usual``, the prior; counts can only raise it."""

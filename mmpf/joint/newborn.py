@@ -8,7 +8,7 @@ import numpy as np
 
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import Moments
-from mmpf.joint.false_objects import IN_VIEW_PER_S, FalseObjects
+from mmpf.joint.false_objects import FalseObjects
 from mmpf.joint.kinds import (
     DETECTABILITY,
     FALSE,
@@ -66,9 +66,9 @@ class Appearances:
     seen_share: FloatArray
     scan_s: float
 
-    def standing_ratio(self) -> FloatArray:
+    def standing_ratio(self, in_view_per_s: float) -> FloatArray:
         """Return how many times more often standing than moving vehicles appear there, at least 1, shape (k,)."""
-        moving, standing = (_rate(degree, IN_VIEW_PER_S) for degree in (self.in_view, self.in_view_standing))
+        moving, standing = (_rate(degree, in_view_per_s) for degree in (self.in_view, self.in_view_standing))
         return np.asarray(standing / moving)
 
     @classmethod
@@ -103,9 +103,9 @@ def kinds_at_birth(
     shadow = _by_shading(learned.vehicle_shading(vehicles), places.seen_share)
     kinds[:, VEHICLE] = (shadow / shadow.sum(axis=1, keepdims=True))[:, :, None] * profile[:, None]
     if options.kinds.weighed:
-        stopped, in_view_per_s = options.speeds.stopped_on_road, learned.vehicles_in_view_per_s()
-        rate = _rate(places.in_view, in_view_per_s)
-        rate *= 1.0 - stopped + stopped * places.standing_ratio()
+        stopped, in_view_per_s = options.speeds.stopped_on_road, newborn.in_view_per_s
+        rate = _rate(places.in_view, learned.vehicles_in_view_per_s(in_view_per_s))
+        rate *= 1.0 - stopped + stopped * places.standing_ratio(in_view_per_s)
         rate *= IN_SHADOW + (1.0 - IN_SHADOW) * places.seen_share
         kinds[:, VEHICLE] *= rate[:, None, None]
         profiles = learned.profiles(false_objects) * DETECTABILITY
@@ -128,7 +128,7 @@ def newborn_sources(
     """Return new components of those identities and existence probabilities, shape (k,); see ``kinds_at_birth``."""
     return Sources.newborn(track_id, existence, options.vehicle).having(
         kinds=kinds_at_birth(places, learned, sensor, options.joint),
-        standing_ratio=places.standing_ratio(),
+        standing_ratio=places.standing_ratio(options.joint.newborn.in_view_per_s),
         born_in_view=places.in_view,
     )
 

@@ -1,7 +1,7 @@
 """Settings of the joint update only."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import Field
 
@@ -112,6 +112,8 @@ class JointNewborn(Settings):
 
     overlooked_share: Probability = 0.3
     """Share of vehicles first detected in plain view that were missed before because they are hard to detect."""
+    in_view_per_s: Positive = 0.05
+    """Rate of vehicles first detected in plain view, before any was counted; counts can only raise it."""
 
 
 class JointFalseObjects(Settings):
@@ -127,7 +129,7 @@ class JointFalseObjects(Settings):
     """Mean lifetime."""
     detectability: Levels = (0.12, 0.17, 0.23, 0.26, 0.16, 0.05, 0.01)
     """Share of false objects at each level of detectability."""
-    shading: Shadings = (0.3, 0.2, 0.5)
+    shading: Shadings = (0.4, 0.25, 0.35)
     """The same shares among false objects; some are detected through vehicles."""
     prior_count: Annotated[Positive, in_unit("false objects")] = 4.0
     """Weight of the values above as a prior, in false objects."""
@@ -235,6 +237,17 @@ class JointIdentity(Settings):
     """
 
 
+class JointPlane(Settings):
+    """What is different on a network in the plane: no map shows all that hides vehicles, or which way they point."""
+
+    in_view_per_s: Positive = 0.2
+    """There in place of ``newborn.in_view_per_s``: vehicles come out from behind buildings."""
+    shading: Shadings = (0.3, 0.2, 0.5)
+    """There in place of ``vehicles.shading``: shadows of bodies that may point any way are less exactly known."""
+    confirm_above: Probability = 0.3
+    """There in place of ``kinds.confirm_above``: parked cars can't tell by their speed that they are vehicles."""
+
+
 class JointOptions(Settings):
     """Soft joint association: marginals by belief propagation, existence, births by unexplained detections."""
 
@@ -270,3 +283,13 @@ class JointOptions(Settings):
     """When two components are one vehicle."""
     identity: JointIdentity = JointIdentity()
     """When a new component is a hidden one, seen again."""
+    plane: JointPlane = JointPlane()
+    """What is different in the plane."""
+
+    def in_plane(self) -> Self:
+        """Return the settings with those of ``plane`` in their places."""
+        plane = self.plane
+        newborn = self.newborn.model_copy(update={"in_view_per_s": plane.in_view_per_s})
+        vehicles = self.vehicles.model_copy(update={"shading": plane.shading})
+        kinds = self.kinds.model_copy(update={"confirm_above": plane.confirm_above})
+        return self.model_copy(update={"newborn": newborn, "vehicles": vehicles, "kinds": kinds})

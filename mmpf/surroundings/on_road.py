@@ -15,6 +15,7 @@ from mmpf.motion.off_map import in_plane
 from mmpf.motion.protocol import MotionModel, Surroundings
 from mmpf.motion.standing import Standing
 from mmpf.numerics.arrays import BoolArray, FloatArray
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import Scan
 from mmpf.surroundings.on_corridor import surroundings_of
 from mmpf.surroundings.on_graph import surroundings_on_graph
@@ -26,6 +27,9 @@ Belief = tuple[Mixture, Moments, BoolArray]
 
 class OnRoad(Protocol):
     """What a filter asks of its road."""
+
+    def options(self, options: FilterOptions) -> FilterOptions:
+        """Return the filter's settings on this road."""
 
     def motion(self, model: MotionModel) -> MotionModel:
         """Return how a model's vehicles move on this road."""
@@ -50,6 +54,9 @@ class OnRoad(Protocol):
 class _OnCorridor:
     road: CorridorRoad
 
+    def options(self, options: FilterOptions) -> FilterOptions:
+        return options
+
     def motion(self, model: MotionModel) -> MotionModel:
         return Doubting(Standing(model))
 
@@ -66,6 +73,9 @@ class _OnCorridor:
 class _OnGraph:
     def __init__(self, road: LaneGraphRoad) -> None:
         self._graph, self._links = road.graph, SignalEstimator(road.graph)
+
+    def options(self, options: FilterOptions) -> FilterOptions:
+        return options.model_copy(update={"joint": options.joint.in_plane()})
 
     def motion(self, model: MotionModel) -> MotionModel:
         return in_plane(model, self._graph)

@@ -1,7 +1,5 @@
 """A tracker, a motion model, a driver, a sensor, a reader of recorded traffic and an export of another package."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

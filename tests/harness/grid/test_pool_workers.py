@@ -1,7 +1,5 @@
 """What the pool asks of its workers and makes of their answers; the workers are threads that play their part."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import threading
@@ -23,7 +21,7 @@ CELLS = plan_grid(GridRequest(densities="20", seeds="5", trackers=f"{ECHO},{ECHO
 class Played:
     """A process that is none: a thread answers each cell with what its part says."""
 
-    made: list[Played]
+    made: list["Played"]
 
     def __init__(self, part, code: int, complaint: bytes, command, **options) -> None:
         self.command, self.options, self.code, self.killed, self.waits = command, options, code, 0, []

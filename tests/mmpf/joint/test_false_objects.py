@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mmpf.joint.false_objects import FALSE_KINDS, FEWEST_HITS, IN_VIEW_PER_S, PRIOR_APPEAR_S, FalseObjects
+from mmpf.joint.false_objects import FALSE_KINDS, FEWEST_HITS, PRIOR_APPEAR_S, FalseObjects
 from mmpf.joint.kinds import LEVELS, MOVING, SHAPE, STANDING, VEHICLE
 from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.options.joint import JointFalseObjects, JointVehicles
@@ -167,11 +167,11 @@ def test_what_is_forgotten_does_not_bias_the_rate() -> None:
 
 def test_rates_of_vehicles_that_nobody_has_seen_are_only_raised_by_what_is_counted() -> None:
     nobody = replace(FalseObjects.none(), watched_s=1e4)
-    assert nobody.vehicles_in_view_per_s() == IN_VIEW_PER_S
+    assert nobody.vehicles_in_view_per_s(0.05) == 0.05
     assert nobody.standing_share(0.1, VEHICLES) == pytest.approx(0.1)
     many = replace(nobody, watched_s=10.0, in_view=np.array([50.0, 50.0]))
-    expected = (PRIOR_APPEAR_S * IN_VIEW_PER_S + 100.0) / (PRIOR_APPEAR_S + 10.0)
-    assert many.vehicles_in_view_per_s() == pytest.approx(expected)
+    expected = (PRIOR_APPEAR_S * 0.05 + 100.0) / (PRIOR_APPEAR_S + 10.0)
+    assert many.vehicles_in_view_per_s(0.05) == pytest.approx(expected)
     parked = replace(nobody, vehicles=np.full((3, LEVELS), 10.0), stood=np.array([150.0, 0.0]))
     prior = VEHICLES.prior_count
     assert parked.standing_share(0.1, VEHICLES) == pytest.approx((0.1 * prior + 150.0) / (prior + 210.0))

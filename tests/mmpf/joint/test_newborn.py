@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mmpf.belief.mixture import Mixture
 from mmpf.belief.moments import component_moments
 from mmpf.joint import newborn
-from mmpf.joint.false_objects import IN_VIEW_PER_S, FalseObjects
+from mmpf.joint.false_objects import FalseObjects
 from mmpf.joint.kinds import (
     DETECTABILITY,
     FALSE,
@@ -35,6 +35,7 @@ from tests.mmpf.scenes import ROAD, belief_of, ego_at, lane_centre, spot
 from tests.mmpf.test_update_rules import situation_with
 
 OPTIONS = JointOptions()
+IN_VIEW_PER_S = OPTIONS.newborn.in_view_per_s
 KINDS = OPTIONS.kinds
 SENSOR = SensorModel()
 LANE = lane_centre(2)
@@ -228,7 +229,7 @@ def test_a_vehicle_that_stands_may_have_come_out_of_a_shadow_at_the_egos_speed()
     """The farther from the shadow, the more probably only one that stands has just come out of it."""
     front = belief_of([spot(15.0, lane_centre(3))], confirmed=[True])
     found = places_of([(each, lane_centre(4)) for each in np.arange(12.0, 90.0, 0.5)], front)
-    ratio = found.standing_ratio()
+    ratio = found.standing_ratio(IN_VIEW_PER_S)
     assert (found.in_view_standing <= found.in_view).all()
     assert (ratio >= 1.0).all()
     beyond = (found.in_view == 1.0) & (found.in_view_standing == 0.0)

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from mmpf.belief.moments import component_moments
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.lane_graph import NOWHERE, LaneGraph
 from mmpf.motion.protocol import Surroundings
 from mmpf.motion.state import LAT, LON, SPEED
+from mmpf.options.filter import FilterOptions
 from mmpf.scan import EgoPose
 from mmpf.surroundings.on_graph import surroundings_on_graph
+from mmpf.surroundings.on_road import on_road
 from tests.mmpf.map.scenes import graph_of
-from tests.mmpf.scenes import belief_of
+from tests.mmpf.scenes import ROAD, belief_of
 
 LENGTH_M = 4.0
 
@@ -53,6 +56,14 @@ def around(
     seen = np.ones(len(lane), dtype=bool)
     moments, links = component_moments(mixture), np.full(len(graph.successor), chance)
     return surroundings_on_graph(mixture, moments, seen, pose, 0.0, graph, lambda _: links)
+
+
+def test_settings_of_the_plane_apply_on_lane_graphs_and_not_on_one_road() -> None:
+    plane = {"in_view_per_s": 0.5, "shading": (0.2, 0.3, 0.5), "confirm_above": 0.4}
+    options = FilterOptions.model_validate({"joint": {"plane": plane}})
+    found = on_road(LaneGraphRoad(street())).options(options).joint
+    assert [found.newborn.in_view_per_s, found.vehicles.shading, found.kinds.confirm_above] == list(plane.values())
+    assert on_road(ROAD).options(options) == options
 
 
 def test_the_leader_is_the_next_vehicle_in_the_lane_and_nobody_behind_or_oncoming() -> None:

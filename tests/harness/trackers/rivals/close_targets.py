@@ -4,8 +4,6 @@ Its model: nearly constant velocity in 300 m by 300 m, scans a second apart, mea
 with a probability of 0.9 among ten false ones a scan, unknown targets a wide Gaussian from which 0.005 are born a scan.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,7 +60,7 @@ class Undetected:
         states = GaussianStates(np.array(means).reshape(-1, 4), np.array(covariances).reshape(-1, 4, 4))
         return share.sum(axis=0), states
 
-    def later(self) -> Undetected:
+    def later(self) -> "Undetected":
         """Return it a scan later, after none of it was detected."""
         states = predict_constant_velocity(self.states, 1.0, NOISE, NOISE)
         weight = SURVIVES * (1.0 - SEEN) * self.weight
