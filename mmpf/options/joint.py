@@ -129,7 +129,7 @@ class JointFalseObjects(Settings):
     """Mean lifetime."""
     detectability: Levels = (0.12, 0.17, 0.23, 0.26, 0.16, 0.05, 0.01)
     """Share of false objects at each level of detectability."""
-    shading: Shadings = (0.4, 0.25, 0.35)
+    shading: Shadings = (0.3, 0.2, 0.5)
     """The same shares among false objects; some are detected through vehicles."""
     prior_count: Annotated[Positive, in_unit("false objects")] = 4.0
     """Weight of the values above as a prior, in false objects."""
@@ -242,7 +242,7 @@ class JointPlane(Settings):
 
     in_view_per_s: Positive = 0.2
     """There in place of ``newborn.in_view_per_s``: vehicles come out from behind buildings."""
-    shading: Shadings = (0.3, 0.2, 0.5)
+    shading: Shadings = (0.4, 0.25, 0.35)
     """There in place of ``vehicles.shading``: shadows of bodies that may point any way are less exactly known."""
     confirm_above: Probability = 0.3
     """There in place of ``kinds.confirm_above``: parked cars can't tell by their speed that they are vehicles."""
