@@ -34,9 +34,6 @@ WORLD = (
 """Columns that traffic and detections alone decide, which are the same on every processor."""
 
 
-ROUNDING = 1e-12
-
-
 @dataclass(frozen=True)
 class Difference:
     """One value that differs.
@@ -151,9 +148,4 @@ def _differing(first: dict[str, Any], second: dict[str, Any]) -> Iterator[tuple[
 
 def _same(a: object, b: object) -> bool:
     missing = [value is None or (isinstance(value, float) and math.isnan(value)) for value in (a, b)]
-    return all(missing) or a == b or _same_but_for_rounding(a, b)
-
-
-def _same_but_for_rounding(a: object, b: object) -> bool:
-    """Return whether two numbers differ by less than what kinds of processors round differently in a sum."""
-    return isinstance(a, float) and isinstance(b, float) and math.isclose(a, b, rel_tol=ROUNDING)
+    return all(missing) or a == b
