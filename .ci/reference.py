@@ -29,7 +29,7 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -328,7 +328,9 @@ def made_as_listed(reference: Reference, folder: Path) -> bool:
     return all(made.get(key, value) == value for key, value in asked.items() if key != "replay")
 
 
-def run_harness(words: Sequence[str], out: Path, workers: int | None = None, quiet: bool = False) -> None:
+def run_harness(
+    words: Sequence[str], out: Path, workers: int | None = None, quiet: bool = False, tree: Path = ROOT
+) -> None:
     """Run a command so that it writes into ``out``, which it takes up again where it can.
 
     Raises:
@@ -339,7 +341,7 @@ def run_harness(words: Sequence[str], out: Path, workers: int | None = None, qui
     added += ["--resume"] if "resume" in known and out.exists() else []
     added += ["--workers", str(workers or os.cpu_count() or 1)] if "workers" in known else []
     added += ["--quiet"] if quiet and "quiet" in known else []
-    done = subprocess.run([sys.executable, "-m", "harness", *words, *added], check=False, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-m", "harness", *words, *added], check=False, cwd=tree)
     if done.returncode:
         raise InputError(f"reference: {shlex.join([*words, *added])} ended with exit code {done.returncode}")
 
@@ -359,31 +361,52 @@ def check(reference: Reference, execute: Execute) -> bool:
 CONFIRMED = "confirmed"
 
 
-def confirm(reference: Reference, root: Path, execute: Execute) -> bool:
+def confirm(reference: Reference, root: Path, execute: Execute, by_older: Execute | None = None) -> bool:
     """Make some runs of a reference again, note in its manifest if all are the same, and return whether any differs.
 
+    Args:
+        reference: Which.
+        root: Top folder of the source tree.
+        execute: Runs its command.
+        by_older: Runs it by the code that made the reference: what that makes here is then compared with, in place of
+            what it made on another kind of processor.
+
     Raises:
-        InputError: The tree is not clean, or the reference is missing.
+        InputError: The tree is not clean, or the reference is missing or made on another kind of processor.
     """
     committed = root / FOLDER / reference.name
     if changed := changes(root):
         raise InputError(f"`confirm`: {changed[0]} differs from the revision; commit that first")
-    if not (committed / MANIFEST).is_file():
-        raise InputError(f"`confirm`: {committed} is missing; make it first")
+    if by_older is None and not made_here(committed):
+        raise InputError(
+            f"`confirm`: {committed} is missing or made on another kind of processor; make it here, or give `against`"
+        )
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / reference.name
+        made, before = Path(folder) / reference.name, committed
+        if by_older is not None:
+            before = Path(folder) / "before"
+            by_older([*reference.words, *reference.some], before)
         execute([*reference.words, *reference.some], made)
-        found = row_differences(committed, made) if reference.some else differences(committed, made)
+        found = row_differences(before, made) if reference.some else differences(before, made)
         runs = sum(len(pd.read_parquet(path)) for path in made.rglob(TABLE))
     if found:
-        other = "" if made_here(committed) else "; it was made on another kind of processor, which may be why"
-        typer.echo(told(found, committed) + other, err=True)
+        typer.echo(told(found, committed), err=True)
         return True
     manifest = json.loads((committed / MANIFEST).read_text(encoding="utf-8"))
-    manifest |= {CODE: own_code(), CONFIRMED: {"git_revision": revision(root), "runs_made_again": runs or "all"}}
+    confirmed = {"git_revision": revision(root), "runs_made_again": runs or "all"}
+    confirmed |= {"processor_kind": processor_kind(), "made_again_as": " ".join(reference.some)} if by_older else {}
+    manifest |= {CODE: own_code(), CONFIRMED: confirmed}
     write_text(committed / MANIFEST, json.dumps(manifest, indent=2) + "\n")
     typer.echo(f"{reference.name}: {runs or 'all'} runs made again, and the same", err=True)
     return False
+
+
+def _check_made_by(reference: Reference, root: Path, tree: Path) -> None:
+    """Refuse a tree whose code is not the one that made a reference."""
+    ask = "import json; from harness.running.provenance import own_code; print(json.dumps(own_code()))"
+    told = subprocess.run([sys.executable, "-c", ask], cwd=tree, capture_output=True, text=True, check=False).stdout
+    if not told or json.loads(told) != manifest_of(root / FOLDER / reference.name).get(CODE):
+        raise InputError(f"`against` {tree}: its code is not the one that made {reference.name}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -392,6 +415,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("name", nargs="?", help="name of a table, or all; without it, list all tables")
     parser.add_argument("--check", action="store_true", help="compare a remade table with the committed one")
     parser.add_argument("--confirm", action="store_true", help="make some runs again and note that they are the same")
+    parser.add_argument("--against", type=Path, metavar="TREE", help="confirm by what the code of this tree makes here")
+    parser.add_argument("--some", help="words that choose which runs `--against` makes, in place of the list's")
     parser.add_argument("--out", type=Path, help="trial: write to this folder and keep the committed table")
     parser.add_argument("--workers", type=int)
     parser.add_argument("--quiet", action="store_true")
@@ -399,6 +424,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def execute(words: list[str], out: Path) -> None:
         run_harness(words, out, chosen.workers, chosen.quiet)
+
+    def by_older(words: list[str], out: Path) -> None:
+        run_harness(words, out, chosen.workers, chosen.quiet, chosen.against)
 
     try:
         listed = references(ROOT)
@@ -411,6 +439,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for each in wanted:
             if chosen.check:
                 differ |= check(each, execute)
+            elif chosen.confirm and chosen.against is not None:
+                _check_made_by(each, ROOT, chosen.against)
+                some = each.some if chosen.some is None else tuple(shlex.split(chosen.some))
+                differ |= confirm(replace(each, some=some), ROOT, execute, by_older)
             elif chosen.confirm:
                 differ |= confirm(each, ROOT, execute)
             elif chosen.out is not None:

@@ -188,6 +188,8 @@ def test_a_table_of_which_some_runs_are_made_again_and_the_same_is_of_the_presen
     with pytest.raises(InputError, match="has no run of 9 - made again"):
         confirm(two_runs, tree, runs(80.0, 90.0, net="8"))
     assert "mmpf" in stale_parts(two_runs, tree)
+    assert confirm(two_runs, tree, runs(80.0), runs(81.0))
+    assert not confirm(two_runs, tree, runs(70.0), runs(70.0))
     assert not confirm(two_runs, tree, runs(80.0, 0.0))
     assert not stale_parts(two_runs, tree)
     assert json.loads(manifest.read_text())["confirmed"]["runs_made_again"] == 1
