@@ -331,7 +331,7 @@ def made_as_listed(reference: Reference, folder: Path) -> bool:
 def run_harness(
     words: Sequence[str], out: Path, workers: int | None = None, quiet: bool = False, tree: Path = ROOT
 ) -> None:
-    """Run a command so that it writes into ``out``, which it takes up again where it can.
+    """Run a command by a tree's code so that it writes into ``out``, which it takes up again where it can.
 
     Raises:
         InputError: The command fails.
@@ -372,7 +372,8 @@ def confirm(reference: Reference, root: Path, execute: Execute, by_older: Execut
             what it made on another kind of processor.
 
     Raises:
-        InputError: The tree is not clean, or the reference is missing or made on another kind of processor.
+        InputError: The tree is not clean, the reference is missing, or without ``by_older`` it was made on another kind
+            of processor.
     """
     committed = root / FOLDER / reference.name
     if changed := changes(root):
@@ -403,9 +404,11 @@ def confirm(reference: Reference, root: Path, execute: Execute, by_older: Execut
 
 def _check_made_by(reference: Reference, root: Path, tree: Path) -> None:
     """Refuse a tree whose code is not the one that made a reference."""
+    if not (tree / "harness" / "__init__.py").is_file():
+        raise InputError(f"`against` {tree}: no source tree of the harness; check out the table's revision there")
     ask = "import json; from harness.running.provenance import own_code; print(json.dumps(own_code()))"
-    told = subprocess.run([sys.executable, "-c", ask], cwd=tree, capture_output=True, text=True, check=False).stdout
-    if not told or json.loads(told) != manifest_of(root / FOLDER / reference.name).get(CODE):
+    asked = subprocess.run([sys.executable, "-c", ask], cwd=tree, capture_output=True, text=True, check=False)
+    if asked.returncode or json.loads(asked.stdout) != manifest_of(root / FOLDER / reference.name).get(CODE):
         raise InputError(f"`against` {tree}: its code is not the one that made {reference.name}")
 
 
@@ -421,6 +424,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--workers", type=int)
     parser.add_argument("--quiet", action="store_true")
     chosen = parser.parse_args(arguments)
+
+    if chosen.against is not None and not chosen.confirm:
+        parser.error("`against` belongs to `--confirm`; give both")
+    if chosen.some is not None and chosen.against is None:
+        parser.error("`some` belongs to `--confirm --against TREE`; give all three")
 
     def execute(words: list[str], out: Path) -> None:
         run_harness(words, out, chosen.workers, chosen.quiet)
