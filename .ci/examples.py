@@ -19,7 +19,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from functools import cache
-from itertools import zip_longest
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,6 +47,15 @@ def examples(page: str) -> Iterator[Example]:
             adjacent = following is not None and not page[block.end() : following.start()].strip()
             output = following["text"] if adjacent and following and not following["language"] else None
             yield Example(block["text"], output)
+
+
+def pages_alike() -> list[list[Path]]:
+    """Return the pages, together those that begin with the same commands, which then run once."""
+    together: dict[str, list[Path]] = {}
+    for page in PAGES:
+        for first in islice(examples(page.read_text(encoding="utf-8")), 1):
+            together.setdefault(first.commands, []).append(page)
+    return [*together.values()]
 
 
 def files() -> dict[str, str]:
