@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from functools import cache
-from itertools import islice, zip_longest
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,15 +45,6 @@ def examples(page: str) -> Iterator[Example]:
             adjacent = following is not None and not page[block.end() : following.start()].strip()
             output = following["text"] if adjacent and following and not following["language"] else None
             yield Example(block["text"], output)
-
-
-def pages_alike() -> list[list[Path]]:
-    """Return the pages, together those that begin with the same commands, which then run once."""
-    together: dict[str, list[Path]] = {}
-    for page in PAGES:
-        for first in islice(examples(page.read_text(encoding="utf-8")), 1):
-            together.setdefault(first.commands, []).append(page)
-    return [*together.values()]
 
 
 def files() -> dict[str, str]:
@@ -108,25 +97,14 @@ def _words(line: str) -> str:
     return re.sub(r"\s+", " ", re.sub(r"[-+]?\d[\d.]*", "#", line)).strip()
 
 
-@cache
-def begun(commands: str) -> tuple[str, tempfile.TemporaryDirectory[str]]:
-    """Run a page's first block in a new folder, once for all pages that begin with it; return its output and folder."""
-    folder = tempfile.TemporaryDirectory()
-    for file, content in files().items():
-        (Path(folder.name) / file).write_text(content, encoding="utf-8")
-    return run(commands, Path(folder.name)), folder
-
-
 def current(page: Path) -> str:
     """Run the examples of a page and return the page with today's output."""
     text = page.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as name:
-        for place, example in enumerate(list(examples(text))):
-            if place == 0:
-                printed, first = begun(example.commands)
-                shutil.copytree(first.name, name, dirs_exist_ok=True)
-            else:
-                printed = run(example.commands, Path(name))
+        for file, content in files().items():
+            (Path(name) / file).write_text(content, encoding="utf-8")
+        for example in list(examples(text)):
+            printed = run(example.commands, Path(name))
             if example.shown is not None:
                 text = text.replace(example.shown, "\n".join([*matched(example.shown, printed), ""]))
     return text

@@ -12,10 +12,9 @@ SPEC.loader.exec_module(EXAMPLES)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pages", EXAMPLES.pages_alike(), ids=lambda pages: "+".join(page.stem for page in pages))
-def test_the_commands_of_a_page_print_what_it_shows(pages):
-    for page in pages:
-        EXAMPLES.current(page)
+@pytest.mark.parametrize("page", EXAMPLES.PAGES, ids=lambda page: page.stem)
+def test_the_commands_of_a_page_print_what_it_shows(page):
+    EXAMPLES.current(page)
 
 
 def test_blocks_marked_as_not_run_or_without_a_shell_are_no_examples():
