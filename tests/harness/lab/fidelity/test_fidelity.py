@@ -202,9 +202,10 @@ def test_every_trial_takes_seeds_of_its_own_and_the_outcome_is_the_mean_of_the_l
 
 @pytest.mark.slow
 def test_calibrate_runs_end_to_end_on_a_small_budget(calibrated):
-    words = ("--demand", "us101-0750", "--trials", "1", "--minutes", "2", "--seeds", "1000:1001")
-    (trial,) = calibrated(*words)["trials"]
-    assert 2.0 < trial["simulated"]["us101-0750"]["mean_speed_mps"] < 20.0
+    words = ("--demand", "us101-0750", "--trials", "2", "--minutes", "2", "--seeds", "1000:1001")
+    trials = calibrated(*words)["trials"]
+    assert len(trials) == 2
+    assert all(2.0 < trial["simulated"]["us101-0750"]["mean_speed_mps"] < 20.0 for trial in trials)
 
 
 @pytest.mark.skipif(not FIELDS.is_dir(), reason="no recorded fields; set MMPF_REALDATA")

@@ -83,7 +83,7 @@ def test_the_driver_by_the_map_is_fitted_end_to_end_to_the_same_bytes(tmp_path, 
     monkeypatch.setattr("harness.lab.fit.turning_fit.FEWEST", 5)
     networks = [load_network(name) for name in ("junction", "roundabout")]
     paths = [
-        train_turning(networks, range(1000, 1001), tmp_path / "cache", tmp_path / name, lambda line: None)
+        train_turning(networks, range(1000, 1002), tmp_path / "cache", tmp_path / name, lambda line: None)
         for name in ("one", "two")
     ]
     fitted = tomllib.loads(paths[0].read_text())
