@@ -103,7 +103,7 @@ def current(page: Path) -> str:
     with tempfile.TemporaryDirectory() as name:
         for file, content in files().items():
             (Path(name) / file).write_text(content, encoding="utf-8")
-        for example in list(examples(text)):
+        for example in examples(text):
             printed = run(example.commands, Path(name))
             if example.shown is not None:
                 text = text.replace(example.shown, "\n".join([*matched(example.shown, printed), ""]))

@@ -36,7 +36,8 @@ VEHICLE_STYLES: dict[int, dict[str, Any]] = {
     OUT: {"facecolor": "none", "edgecolor": "#9a9a9a", "linewidth": 0.8, "label": "vehicle: out of range"},
 }
 WALL_STYLE: dict[str, Any] = {"color": "#4a4038", "lw": 2.0}
-MARGIN_M, NUMBER_POINTS, TITLE_SIGNS_PER_IN = 2.5, 7.5, 10.0
+MARGIN_M, NUMBER_POINTS = 2.5, 7.5
+TITLE_CHARACTERS_PER_IN = 10.0
 BEARINGS = 720
 
 
@@ -95,7 +96,7 @@ def _plane_figure(scene: PictureScene, title: str) -> Figure:
 
 def _explained(figure: Figure, scene: PictureScene, title: str, columns: int) -> Figure:
     """Return the figure with its title above and a legend below."""
-    lines = textwrap.fill(title, int(TITLE_SIGNS_PER_IN * figure.get_figwidth()))
+    lines = textwrap.fill(title, int(TITLE_CHARACTERS_PER_IN * figure.get_figwidth()))
     figure.suptitle(lines, x=0.01, ha="left", fontsize=12)
     entries = legend_entries(scene.particles is not None, len(scene.road.walls_near(0.0, 0.0, np.inf)) > 0)
     figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False)

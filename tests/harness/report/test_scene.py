@@ -100,5 +100,4 @@ def test_the_figure_can_be_saved_without_tracks_or_particles_and_on_a_bend(road)
 def test_a_long_title_goes_on_in_the_next_line(road):
     scene = PictureScene(jam(count=2), observed(jam(count=2), road), Tracks.none(), road, 100.0)
     figure = scene_figure(scene, title="recording_of_a_long_name " * 8)
-    figure.draw_without_rendering()
     assert figure.texts[0].get_window_extent().x1 < figure.bbox.x1
