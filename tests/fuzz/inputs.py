@@ -106,9 +106,12 @@ def result_folder(folder: Path, rng: random.Random) -> list[str]:
             chosen.write_bytes(b"PAR1")
     elif (other := rng.random()) < 0.15:
         chosen.unlink()
-        if other < 0.1:
-            # Far larger than what it takes, or without an end.
-            chosen.symlink_to("/dev/zero") if other < 0.05 else os.truncate(chosen, 1 << 36)
+        # Without an end, or far larger than what it takes.
+        if other < 0.05:
+            chosen.symlink_to("/dev/zero")
+        elif other < 0.1:
+            chosen.touch()
+            os.truncate(chosen, 1 << 36)
     else:
         chosen.write_bytes(spoilt_bytes(chosen.read_bytes(), rng))
     return rng.choice(
