@@ -91,7 +91,7 @@ class SensorSettings(WithoutTruthValues):
     """Standard deviation along the line of sight, constant part."""
     std_range_share: NotNegative = 0.0
     """Standard deviation along the line of sight, per metre of distance."""
-    std_bearing_deg: NotNegative = 0.1
+    std_bearing_deg: Annotated[float, Field(ge=0.0, le=45.0)] = 0.1
     """Standard deviation of the bearing error."""
     hidden_noise_factor: Annotated[float, Field(ge=1.0, le=1e4)] = 3.0
     """Factor on all position errors of an almost hidden vehicle; it falls linearly to 1 in plain view."""

@@ -234,7 +234,7 @@ INPUTS: dict[str, Input] = {
     "gate 1e308": setting("tracker.options.joint.association.gate_std=1e308", "gate_std"),
     "deviation 1e150 [set004]": setting("sensor.std_lon_m=1e150", "std_lon_m"),
     "share 1e9 [set014]": setting("sensor.std_range_share=1e9", "std_range_share"),
-    "bearing 1e9 [set015]": setting("sensor.std_bearing_deg=1e9", "std_bearing_deg"),
+    "bearing 1e5 [set015]": setting("sensor.std_bearing_deg=1e5", "std_bearing_deg"),
     "start 1e308": setting("traffic.recording.start_s=1e308", "start_s", fcd=True),
     "a key of 100 000 letters": setting("x" * 100_000 + "=1", "xxx"),
     "a key of 5000 letters [set068]": setting("sensor." + "x" * 5000 + "=1", "xxx"),
