@@ -1,7 +1,5 @@
 """Limits on external files: their kind and size are checked before anything is read."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import math

@@ -1,7 +1,5 @@
 """Runs work that may load external code in a child process, and reports in one line if that code ends it."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import re

@@ -1,7 +1,5 @@
 """The page of a run: one HTML file with text, numbers, figures and a replay; it needs no network."""
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Figures of a run, and those of any folder redrawn for papers as PNG, SVG or PDF, with the same bytes each time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

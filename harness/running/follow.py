@@ -1,7 +1,5 @@
 """The tracking loop: the sensor makes a scan, the tracker processes it, the recorder stores both."""
 
-from __future__ import annotations
-
 import ctypes
 import sys
 from array import array

@@ -5,8 +5,6 @@ detection is of, the nearest within two metres; speeds, from places. Without det
 counts as detected, where it is.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
