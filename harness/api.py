@@ -63,10 +63,10 @@ class Run:
 
     @cached_property
     def metrics(self) -> pd.DataFrame:
-        """Every number of ``metrics.json`` in the column ``value``, by its name with dots; nan where there is none.
+        """Every number of ``metrics.json`` in the column ``value``, by its key with dots; nan for null.
 
-        ``label`` is its name with its unit, where people are told one.
-        An interval ends in ``.low`` and ``.high``, an entry of a list in its place from 0.
+        ``label`` is its name with its unit, empty if pages do not show it.
+        Keys of intervals end in ``.low`` and ``.high``, those of entries of a list in their index from 0.
         """
         content, labels = self._content
         flat = flattened(content)
@@ -152,7 +152,7 @@ class Comparison:
         outcome: ``worse``, ``no worse`` or ``undecided``, over all metrics that are judged.
         regression: Whether anything is worse by more than the tolerance.
         reasons: Why it is undecided, a sentence each.
-        notes: What a reader must know beside.
+        notes: What differs between the sides, how runs were paired, and warnings.
         verdicts: One row for each tracker and metric: both values, the difference, its 95 % interval from ``ci95_low``
             to ``ci95_high``, and the verdict.
     """
@@ -187,7 +187,7 @@ def _linked(folder: Path) -> str:
 
 
 def run(*, quiet: bool = True, **options: Unpack[RunOptions]) -> Run:
-    """Drive, sense, track and score once, and leave a run folder.
+    """Simulate or replay traffic, run sensor and tracker, score the tracks, and write a run folder.
 
     Args:
         quiet: Whether to leave out the progress bar.
@@ -196,7 +196,7 @@ def run(*, quiet: bool = True, **options: Unpack[RunOptions]) -> Run:
 
     Raises:
         InputError: The input is wrong; nothing is left behind.
-        RunError: The run failed part-way; its finished steps lie in a folder that says so.
+        RunError: The run failed part-way; its finished steps are kept in ``NAME.incomplete``.
         RunInterruptedError: It was stopped; likewise.
     """
     with _input_errors():
@@ -212,7 +212,9 @@ def open_run(folder: Path | str) -> Run:
     Raises:
         InputError: It is no finished run's folder.
     """
-    path: Path = checked(_OpenOptions, {"folder": folder if folder is not None else 0}, "open_run")["folder"]
+    if folder is None:
+        raise InputError("`folder`: give a path or a text, not None")
+    path: Path = checked(_OpenOptions, {"folder": folder}, "open_run")["folder"]
     read_manifest(path, "folder")
     return Run(path)
 
@@ -249,7 +251,7 @@ def compare(
         a: A run, a stress test, or the folder of one; one tracker of a stress test as ``FOLDER@LABEL``.
         b: Likewise.
         tolerance: Largest accepted loss, as a share of A's value.
-        time_tolerance: Likewise of the time of a step, which is judged between trackers of one stress test.
+        time_tolerance: Likewise for the time of a step, which is judged between trackers of one stress test.
         primary: Keys of the metrics that get a verdict; None for HOTA in sight, hidden cost, same
             identity, hidden CRPS and the recall in plain view with that of the worst tenth of vehicles.
         allow_different: Whether different experiments are compared too; what differs is in the notes.
@@ -261,7 +263,9 @@ def compare(
     from harness.analysis import rules, sources  # noqa: PLC0415
 
     sides = [side.folder if isinstance(side, Run | Grid) else side for side in (a, b)]
-    named: dict[str, object] = {name: 0 if side is None else side for name, side in zip("ab", sides, strict=True)}
+    named: dict[str, object] = dict(zip("ab", sides, strict=True))
+    if missing := [name for name, side in named.items() if side is None]:
+        raise InputError(f"`{missing[0]}`: give a run, a stress test or a folder, not None")
     named |= {"primary": primary, "allow_different": allow_different}
     values = checked(_CompareOptions, named, "compare")
     first, second = str(values["a"]), str(values["b"])

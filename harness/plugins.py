@@ -1,7 +1,7 @@
 """The public names for plug-ins: trackers, metrics, drivers, sensors, readers and export formats.
 
-Together with ``harness`` and ``mmpf`` this is all that stays where it is: a name is imported from here, never from
-deeper. The names stand in ``plugins.pyi`` and are imported on first use, so that the import alone costs nothing.
+Only the names in ``harness``, ``harness.plugins`` and ``mmpf`` are stable: import them from there, not from deeper
+modules. The names stand in ``plugins.pyi`` and are imported on first use, so that the import alone costs nothing.
 """
 
 from mmpf.registry import names_of_stub

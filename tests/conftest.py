@@ -15,12 +15,12 @@ sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
-LONGEST = ("test_examples", "test_drive", "test_size", "test_cluster", "test_plug_ins", "test_kills", "test_readme")
+LONGEST = ("examples", "drive", "size", "cluster", "plug_ins", "kills", "readme", "train", "fidelity")
 
 
 def pytest_collection_modifyitems(items):
     """Begin with what takes longest: begun last, one of these would keep a worker while the others idle."""
-    items.sort(key=lambda item: next((k for k, name in enumerate(LONGEST) if name in item.nodeid), len(LONGEST)))
+    items.sort(key=lambda item: next((k for k, name in enumerate(LONGEST) if f"test_{name}" in item.nodeid), 99))
 
 
 def pytest_collection_finish():

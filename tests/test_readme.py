@@ -34,5 +34,5 @@ def test_the_filter_alone_tracks_the_two_cars_of_its_page() -> None:
     assert len(numbers) == 6, done.stdout
     names, positions, speeds = numbers[:2], numbers[2:4], numbers[4:]
     assert names[0] != names[1]
-    assert sorted(abs(a - b) < 0.5 for a, b in zip(sorted(positions), (83.0, 127.8), strict=True)) == [True, True]
+    assert all(abs(a - b) < 0.5 for a, b in zip(sorted(positions), (83.0, 127.8), strict=True))
     assert all(18.0 < speed < 24.0 for speed in speeds)

@@ -1,4 +1,4 @@
-"""The pooled scores as Markdown."""
+"""The pooled scores as Markdown tables, and the chart of hidden errors."""
 
 from collections.abc import Sequence
 from dataclasses import astuple

@@ -1,12 +1,12 @@
 """Why two runs on the same detections differ: the cause of each identity switch and each lost track.
 
-Causes are told from what every tracker reports, tracks and nothing of its insides, so rivals are judged alike:
+Causes follow from the reported tracks alone, so that all trackers are judged alike. The vehicle's previous track
 
-- *merge*: the vehicle's track ended beside another one that went on.
-- *death*: it ended with nobody near.
-- *association*: it lives and is on another vehicle, or an older track of another one took its place.
-- *birth*: it lives on nothing, and a track that is younger than its last match took its place in plain sight.
-- *re-identification*: it lives on nothing, and the vehicle came back from out of sight under another name.
+- *merge*: ended next to a track that continued;
+- *death*: ended with no other track nearby;
+- *association*: continues on another vehicle, or an older track replaced it in view;
+- *birth*: continues without a vehicle, and a newer track replaced it in view;
+- *re-identification*: continues without a vehicle, which returned after over 0.5 s unseen with another identity.
 """
 
 from collections.abc import Iterator, Sequence

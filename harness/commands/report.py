@@ -17,9 +17,7 @@ class Options(TypedDict):
 
     folder: Annotated[
         Path,
-        Option(
-            "Folder of a run, or of a study, stress grid or comparison.", default=..., metavar="RUN", is_argument=True
-        ),
+        Option("Folder of a run, stress test, drive or study.", default=..., metavar="RUN", is_argument=True),
     ]
     figures: Annotated[
         str | None, Option("Draw the figures of a run or a stress test for a paper: png, svg or pdf.", metavar="KIND")

@@ -49,7 +49,7 @@ class Setting:
 
 def all_settings(word: str = "") -> list[Setting]:
     """Return what can be set, group by group, as far as it has a word in its key or kind."""
-    found = [row for row in _everything() if word.lower() in row.key.lower() or word.lower() in row.kind]
+    found = [row for row in _everything() if word.lower() in row.key.lower() or word.lower() in row.kind.lower()]
     if not found:
         raise InputError(f"`word` {word!r}: no setting has that in its name; leave it out to see all of them")
     return found

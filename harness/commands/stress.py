@@ -26,10 +26,10 @@ def command(options: Options) -> None:
     --nets runs several networks in one grid and reports scores per network.
     Each network uses its default density unless --densities or --demands is
     given.
-    --mismatch repeats every run with a sensor that differs from the data
-    sheet the trackers use: noise half and twice as large, 30 % of detections
-    missed, five times the clutter, drifting noise, and bursts of misses. One
-    table lists the loss of each tracker. --mismatch all and --mismatch A,B,C
+    --mismatch repeats every run in worlds that differ from the data sheet:
+    reported deviations halved and doubled, 30 % of detections missed, five
+    times the clutter, drifting noise, and bursts of misses. One table lists
+    the loss of each tracker. --mismatch all and --mismatch A,B,C
     choose other changes, such as dark,posts,ego-jitter. With --replay the
     recorded detections are altered; the sensor is not simulated again.
 

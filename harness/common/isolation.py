@@ -120,10 +120,10 @@ def streamed(
             if content is not None:
                 yield content
     except TimeoutError:
-        raise InputError(f"{place}: it took more than {limits.cpu_s} s; give less, or what is sound") from None
+        raise InputError(f"{place}: it took more than {limits.cpu_s} s; give a smaller or an undamaged file") from None
     except EOFError:
         status = os.waitpid(child, 0)[1]
-        raise InputError(f"{place}: {_in_words(status, limits)}; give what is sound") from None
+        raise InputError(f"{place}: {_in_words(status, limits)}; give an undamaged file") from None
     finally:
         os.close(reading)
         # It is the first of a group of its own, which ends with it.
@@ -236,14 +236,14 @@ def _told_of(error: Exception, limits: ProcessLimits) -> tuple[str, str]:
         case InputError() if "std::bad_alloc" not in str(error):
             return str(error), "InputError"
         case InputError() | MemoryError():
-            why = f"{_too_much_memory(limits)}; give less, or"
+            why = f"{_too_much_memory(limits)}; give a smaller file, or"
         case RecursionError():
             why = "it is nested too deeply;"
         case _ if is_own_fault(error):
             return what_it_raised(error), "RuntimeError"
         case _:
             why = f"can't be read: {what_it_raised(error)[:MOST_SAID]};"
-    return f"{PLACE}: {why} give what is sound", "InputError"
+    return f"{PLACE}: {why} give an undamaged file", "InputError"
 
 
 def _limit(limits: ProcessLimits, folders: Sequence[Path]) -> None:
@@ -303,7 +303,7 @@ def _in_words(status: int, limits: ProcessLimits) -> str:
     if code == signal.SIGXCPU:
         return f"it took more than {limits.cpu_s} s"
     name = signal.Signals(code).name if code in set(signal.Signals) else f"exit code {-code}"
-    return f"the program that reads it crashed over it ({name}), or {_too_much_memory(limits)}"
+    return f"the program crashed while reading it ({name}), or {_too_much_memory(limits)}"
 
 
 def _too_much_memory(limits: ProcessLimits) -> str:

@@ -220,5 +220,5 @@ def _read(pipe: int, child: int, status: int, named: str) -> Any:  # noqa: ANN40
         pass
     finally:
         os.close(pipe)
-    how = f"crashed it ({signal.Signals(-status).name})" if status < 0 else f"ended it with exit code {status}"
-    raise RunError(f"{named}: something in it {how} before the work was done; fix it")
+    how = f"crashed ({signal.Signals(-status).name})" if status < 0 else f"ended with exit code {status}"
+    raise RunError(f"{named}: the process that ran it {how} before it finished; fix it")

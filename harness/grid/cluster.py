@@ -1,7 +1,7 @@
 """Runs cells on an existing Dask cluster; the rows are the same as on this machine."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from typing import Any
@@ -19,7 +19,7 @@ PARAMETER = "scheduler"
 EXAMPLE = "tcp://host:8786"
 CONNECT_S = 10
 RETRIES = 3
-CANCELLED, FINISHED = "cancelled", "finished"
+CANCELLED, FINISHED, CONNECTED = "cancelled", "finished", "running"
 LOST = "the connection to the cluster's scheduler was lost"
 MEND = "the rows that had arrived are kept: start the scheduler again, then the same command with `resume`"
 
@@ -53,7 +53,7 @@ def run_cells_on_cluster(client: Client, cells: Sequence[Cell], timeout_s: float
     }
     try:
         for task in distributed.as_completed(list(tasks), loop=client.loop):
-            for key, row in _rows_of(task, tasks[task]):
+            for key, row in _rows_of(client, task, tasks[task]):
                 on_row(key, row)
             task.release()
     finally:
@@ -69,10 +69,10 @@ def run_cell(cell: Cell, timeout_s: float | None) -> list[tuple[str, Row]]:
     return rows
 
 
-def _rows_of(task: Future, cell: Cell) -> list[tuple[str, Row]]:
+def _rows_of(client: Client, task: Future, cell: Cell) -> list[tuple[str, Row]]:
     try:
-        error = None if task.status == CANCELLED else task.exception(timeout=CONNECT_S)
-        rows: list[tuple[str, Row]] | None = task.result(timeout=CONNECT_S) if task.status == FINISHED else None
+        error = None if task.status == CANCELLED else _told(client, task.exception)
+        rows: list[tuple[str, Row]] | None = _told(client, task.result) if task.status == FINISHED else None
     # Dask has many words for it: cancelled, closed, timed out.
     except Exception as lost:
         raise RunError(f"{LOST} ({type(lost).__name__}); {MEND}") from None
@@ -82,3 +82,13 @@ def _rows_of(task: Future, cell: Cell) -> list[tuple[str, Row]]:
         raise RunError(f"{LOST}; {MEND}")
     reason = f"the cluster gave the task up: {type(error).__name__}: {error}"
     return [(run.key, failed_row(run, reason, 0.0)) for run in cell.runs]
+
+
+def _told(client: Client, ask: Callable[..., Any]) -> Any:  # noqa: ANN401  Dask's
+    """Return what a task tells; if its worker died with its rows, another worker has to make them again first."""
+    while True:
+        try:
+            return ask(timeout=CONNECT_S)
+        except TimeoutError:
+            if client.status != CONNECTED:
+                raise

@@ -23,7 +23,7 @@ from harness.grid.worlds import chosen_worlds
 from harness.running.resolve import resolve_run_config
 from harness.sensor.profiles import sensor_settings
 from harness.storage.run_folder import is_run_folder
-from harness.storage.schema import DEMAND, DENSITY, NET, RECORDING
+from harness.storage.schema import DEMAND, DENSITY, DENSITY_RANGE, NET, RECORDING
 from harness.trackers.catalogue import trackers
 from harness.truth.recorded.egos import EACH
 
@@ -274,13 +274,12 @@ def _config(
     of_all = [word for word in request.settings if word.startswith(BELIEFS) or not word.startswith("tracker.")]
     settings = request.settings if variant.takes_settings else of_all
     words = [f"{key}={int(value) if value.is_integer() else value}" for key, value in varied.items()]
+    low, high = DENSITY_RANGE
+    if place.get(DENSITY) is not None and not low <= place[DENSITY] <= high:
+        raise InputError(f"`densities` {place[DENSITY]:g}: give {low:g} to {high:g}; for example `densities` 5:65:10")
     try:
         return resolve_run_config(None, options, [*settings, *variant.settings, *words])
     except InputError as error:
-        if "traffic.density" in str(error):
-            raise InputError(
-                f"`densities` {request.densities}: densities lie between 5 and 65; for example `densities` 5:65:10"
-            ) from None
         raise with_example(error, varied) from None
 
 

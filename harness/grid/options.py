@@ -59,7 +59,7 @@ class GridOptions(TypedDict, total=False):
     mismatch: Annotated[
         str | Sequence[str] | bool | None,
         _grid(
-            "Repeat every run with a sensor that differs from its data sheet: A,B,C, all, or no value for the default "
+            "Repeat every run in worlds that differ from the data sheet: A,B,C, all, or no value for the default "
             "set; write one table of the losses. See docs/explanation/statistics.md.",
             metavar="[WORLDS]",
             alone=USUAL,

@@ -50,7 +50,7 @@ class Failure:
 
     @property
     def end_s(self) -> float:
-        """Return when it ends: at worst, the vehicle is seen again and has no track."""
+        """Return when the failure ends, seconds: ``until_s`` without the time that is shown afterwards."""
         return self.until_s - AFTERWARDS_S
 
 

@@ -118,7 +118,7 @@ HEADINGS = (
 def vehicle_table(errors: pd.DataFrame, events: pd.DataFrame, step_s: float) -> tuple[Markup, int] | None:
     """Return the vehicles of ``errors.parquet``, the costliest first, and how many are left out; None if there is none.
 
-    Names lead to their worst moments in the replay; failures are counted from the rows of ``occlusions.parquet``.
+    Names lead to their worst moments in the replay; failures are counted from the rows of ``events.parquet``.
     """
     if not len(errors):
         return None

@@ -76,7 +76,7 @@ class LoggedTracker:
 
 def score_logs(
     logs: Logs, out: Path | None, force: bool, command: str, draw: Callable[[Path], object] = str
-) -> tuple[Path, dict[str, Any], str, int]:
+) -> tuple[Path, dict[str, Any], str, bool]:
     """Score a log and leave a run's folder, or nothing.
 
     Args:
@@ -84,7 +84,7 @@ def score_logs(
         draw: Draws a folder's page.
 
     Returns:
-        The folder, the metrics, what was scored in words, and the number of rows of tracks that were left out.
+        The folder, the metrics, what was scored in words, and whether the log has tracks and none was left out.
 
     Raises:
         InputError: A file is missing, of no known format, broken, or the files do not belong together.
@@ -99,7 +99,7 @@ def score_logs(
     rows = _rows(_log(logs, TRACKS, logs["tracks"]))
     place, named, stated = f"`tracks`: {logs['tracks']}", rows["id"].tolist(), {"existence": Numbers(0.0, 1.0)}
     check_numbers(place, rows, stated, lambda row: f"row {row + 1}, track {named[row]}", "mend it or drop the column")
-    tracks, report, left_out = _tracks_at(rows, against)
+    tracks, report, is_whole = _tracks_at(rows, against)
     config, snapshots = against.config.tracked_by(lambda *_: LoggedTracker(tracks)), against.snapshots
     pending = runfolder.open_folder(out, config.default_folder_name(), force)
     try:
@@ -119,7 +119,7 @@ def score_logs(
         with trusted():
             draw(pending.path)
         with signals_held(forgotten=True):
-            return pending.finish(), metrics, report, left_out
+            return pending.finish(), metrics, report, is_whole
     except BaseException:
         pending.discard()
         raise
@@ -235,8 +235,8 @@ def _of_files(logs: Logs, name: str) -> Scored:
     return Scored(config, replace(snapshots, files=files), clock, moments)
 
 
-def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks], str, int]:
-    """Return the tracks of each time, how many there are in words, and the number of rows that were left out."""
+def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks], str, bool]:
+    """Return the tracks of each time, how many there are in words, and whether there are some and none was left out."""
     clock = against.clock
     rows = complete.with_times(rows, against.moments)
     placed = complete.on_clock(rows, clock, TRACKS)
@@ -275,4 +275,5 @@ def _tracks_at(rows: pd.DataFrame, against: Scored) -> tuple[dict[float, Tracks]
         if fault := fault_of(told):
             raise InputError(f"`tracks`: at {time_s:g} s it can't be scored: {fault}; mend the log")
     beside = f"; left out: {left_out} at no time of the truth, or twice there" if left_out else ""
-    return tracks, f"{len(placed)} rows of tracks at {len(tracks)} of {len(clock)} steps{beside}", left_out
+    report = f"{len(placed)} rows of tracks at {len(tracks)} of {len(clock)} steps{beside}"
+    return tracks, report, 0 < len(rows) == len(placed)

@@ -94,7 +94,9 @@ def _recorded(path: Path, config: RunConfig) -> SnapshotStream:
     if formats.brings_detections(recording.format):
         return _given(path, config, recording)
     if recording.least_score is not None:
-        raise InputError(f"`traffic.recording.least_score`: {recording.format} brings no detections; leave it out")
+        raise InputError(
+            f"`settings` traffic.recording.least_score: {recording.format} has no detections; leave it out"
+        )
     if recording.format == formats.BAG:
         return snapshots_of_bag(path, config)
     sensor = _sensor(config)
@@ -163,7 +165,7 @@ def check_named_code(config: RunConfig) -> None:
     try:
         sensor = replace(data_sheet(settings), **config.tracker.believes.sheet())
     except ValueError as error:
-        raise InputError(f"`tracker.believes`: {error}") from None
+        raise InputError(f"`settings` tracker.believes: {error}") from None
     tracker_builder(config)(TrackerSetting(road=highway(), sensor=sensor, rng=np.random.default_rng(0)))
     driver_of(config.decisions.driver)
 
@@ -176,7 +178,7 @@ def as_believed(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:
     try:
         sensor = replace(snapshots.sensor, **believes.sheet())
     except ValueError as error:
-        raise InputError(f"`tracker.believes`: {error}") from None
+        raise InputError(f"`settings` tracker.believes: {error}") from None
     factor = 1.0 if believes.noise_factor is None else believes.noise_factor
     return replace(snapshots, sensor=sensor, noise_factor=factor, tells_signals=config.tracker.knows_signals)
 
@@ -208,12 +210,12 @@ def believed_map(road: Road, believes: BeliefsConfig) -> Road:
 def _with_other_lanes(road: Road, missing: set[int], as_one: bool) -> Road:
     if not isinstance(road, CorridorRoad):
         raise InputError(
-            "`tracker.believes`: one-lane and lanes_left_out are for networks with a main road, such as us101; "
+            "`settings` tracker.believes: one-lane and lanes_left_out are for networks with a main road, as us101; "
             "leave them out, or set map to none"
         )
     if missing - {lane.number for lane in road.lanes}:
         known = ", ".join(sorted({str(lane.number) for lane in road.lanes}))
-        raise InputError(f"`tracker.believes.lanes_left_out`: the road has the lanes {known}; choose among them")
+        raise InputError(f"`settings` tracker.believes.lanes_left_out: the road has lanes {known}; choose among them")
     lanes = tuple(lane for lane in road.lanes if lane.number not in missing)
     return replace(road, lanes=_as_one(lanes) if as_one and lanes else lanes)
 

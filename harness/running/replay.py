@@ -137,7 +137,7 @@ def snapshots_of_bag(path: Path, config: RunConfig) -> SnapshotStream:
         for each in (rows, found)
     )
     if not len(rows):
-        raise InputError(f"traffic.recording.start_s: {path} ends before {recording.start_s:g} s; start earlier")
+        raise InputError(f"`settings` traffic.recording.start_s: {path} ends before {recording.start_s:g} s; give less")
     road = LaneGraphRoad(graph=without_map())
     figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
     try:

@@ -125,16 +125,18 @@ def check_sensor_of_folder(sensor: SensorConfig, folder: Path, parameter: str) -
         )
 
 
-def write_config(config: RunConfig, path: Path) -> None:
-    """Write a configuration so that ``config`` reads the same one back.
-
-    A sensor from outside is written out in full, so that who opens the folder needs no code of others.
-    """
+def written_table(config: RunConfig) -> dict[str, Any]:
+    """Return what ``write_config`` writes: a sensor from outside in full, so that readers need no code of others."""
     table = config.as_table()
     if not is_built_in(config.sensor.profile):
         figures = sensor_settings(config.sensor.profile, config.sensor.overrides)
         table["sensor"] = {"profile": config.sensor.profile} | figures.model_dump(exclude_none=True)
-    write_text(path, tomli_w.dumps(table))
+    return table
+
+
+def write_config(config: RunConfig, path: Path) -> None:
+    """Write a configuration so that ``config`` reads the same one back."""
+    write_text(path, tomli_w.dumps(written_table(config)))
 
 
 def external_code(config: RunConfig, *, but_tracker: bool) -> str:

@@ -25,7 +25,7 @@ from harness.config.model import RunConfig
 from harness.running.evaluate import Evaluated, Evaluation, Keeper, evaluation_of
 from harness.running.open import OpenSnapshots, check_named_code, open_snapshots
 from harness.running.provenance import provenance_of
-from harness.running.resolve import write_config
+from harness.running.resolve import write_config, written_table
 from harness.running.snapshots import SnapshotStream
 from harness.running.watchers import DiagnosticsKeeper, MomentKeeper, ParticleKeeper, RunMoment
 from harness.running.write import RunWriter
@@ -282,9 +282,10 @@ def kept_metrics(
         return None
     manifest = runfolder.read_manifest(out, "out")
     check_unedited(out, manifest, "out")
-    before = dict(leaves(config_from_table(runfolder.read_config_table(out, "out")).model_dump()))
-    now = dict(leaves(config.model_dump()))
-    differs = [f"{key} {before.get(key)} there, {now.get(key)} now" for key in now if before.get(key) != now[key]]
+    tables = runfolder.read_config_table(out, "out"), written_table(config)
+    before, now = (dict(leaves(config_from_table(table).model_dump(mode="json"))) for table in tables)
+    keys = [key for key in dict.fromkeys((*before, *now)) if before.get(key) != now.get(key)]
+    differs = [f"{key} {before.get(key)} there, {now.get(key)} now" for key in keys]
     code, models = provenance_of([config])
     snapshots = open_snapshots(config)
     snapshots.close()

@@ -91,7 +91,7 @@ _whole, _flag, _text = (partial(Column, kind) for kind in ("int64", "bool", "str
 
 STEP = _whole("step", "number of the step, from 0", numbers=WHOLE)
 TIME = _number("time_s", "time since the first step", numbers=COUNT)
-EPISODE = _whole("episode", "number of the ego's stay; identities never connect across episodes", numbers=WHOLE)
+EPISODE = _whole("episode", "number of the episode, one for each ego; no identity goes on in another", numbers=WHOLE)
 WHEN = (STEP, TIME, EPISODE)
 LON = _number("lon_m", "longitudinal position of the centre; in the plane, x", numbers=PLACE_M)
 LAT = _number("lat_m", "lateral position of the centre, positive to the left; in the plane, y", numbers=PLACE_M)
@@ -154,7 +154,7 @@ TABLES: dict[str, Table] = {
             ),
             _flag("is_ego", "whether it is the vehicle with the sensor; one in every step"),
             _flag("in_range", "whether its centre is within the sensor's range"),
-            _number("visible_fraction", "share of it that the sensor can see, 0 to 1; 1 of the ego", numbers=SHARE),
+            _number("visible_fraction", "share of it that the sensor can see, 0 to 1; 1 for the ego", numbers=SHARE),
             STATE,
             _text("occluder_id", "vehicle that covers most of it; empty where none does"),
             _number("window_start_m", "where the part of the road begins that is on record", absent=WHOLE_ROAD),
@@ -191,7 +191,7 @@ TABLES: dict[str, Table] = {
                 _number("flip_probability", "probability that the front is taken for the back", absent=NO_HEADINGS),
                 _number("correlation", "correlation of the noise of both places", absent="the sensor tells none",
                         numbers=Numbers(1e-12 - 1.0, 1.0 - 1e-12)),
-                _number("score", "how sure the detector is, 0 to 1", absent="the detector gives none"),
+                _number("score", "confidence of the detector, 0 to 1", absent="the detector gives none"),
                 _text("vehicle_class", "class that the detector takes it for", absent="the detector gives none",
                       words=VEHICLE_CLASSES),
             ),
@@ -207,7 +207,7 @@ TABLES: dict[str, Table] = {
             *_seen(
                 TRACK, LON, LAT, LON_SPEED, LAT_SPEED, ACCEL, *STDS,
                 _number("existence", "probability that the track is a vehicle", numbers=SHARE),
-                _text("state", "what it is to the tracker; `tentative` is not scored", words=REPORTED_STATES),
+                _text("state", "the tracker's own state; `tentative` is not scored", words=REPORTED_STATES),
             ),
         ),
         in_order=True,
@@ -237,14 +237,14 @@ TABLES: dict[str, Table] = {
             _number("to_s", "its time"),
             _number("duration_s", "time between the two"),
             OR_NONE,
-            _text("outcome", "what the track did", words=("same_id", "survived", "hijacked", "lost")),
+            _text("outcome", "what happened to the vehicle's track", words=("same_id", "survived", "hijacked", "lost")),
             _number("reacquire_s", "time from the return until a track is on the vehicle"),
         ),
     ),
     "brakings.parquet": Table(
         "A row for each missed or phantom braking of the ego's driver.",
         (
-            _text("kind", "what the tracks make of the braking", words=BRAKING_KINDS),
+            _text("kind", "braking by the truth only (`missed`) or the tracks only (`phantom`)", words=BRAKING_KINDS),
             EPISODE,
             _whole("from_step", "step at which it begins"),
             _whole("to_step", "its last step"),
@@ -256,7 +256,7 @@ TABLES: dict[str, Table] = {
             _text("visibility", "the vehicle's state; empty for none", words=("", *VISIBILITY_STATES)),
             _number("unseen_s", "time since the vehicle's last detection; nan if it had none"),
             OR_NONE,
-            _text("fate", "what the track did", words=FATES),
+            _text("fate", "what happened to the vehicle's track", words=FATES),
         ),
     ),
     "commands.parquet": Table(

@@ -50,7 +50,7 @@ def compare_sides(options: Mapping[str, Any]) -> int:
     primary = None if named is None else tuple(map(_metric, named))
     rules = gate.rules(options["tolerance"], options["time_tolerance"], primary)
     if (sides := _sides(options)) is None:
-        return 0
+        return DONE
     with working("comparing", options["quiet"]):
         comparison = compare(*sides, rules, options["allow_different"])
     if not options["quiet"]:

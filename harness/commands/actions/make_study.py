@@ -9,11 +9,10 @@ from typing import Any
 import pandas as pd
 import typer
 
-from harness.common.errors import InputError
 from harness.common.files import check_folder, write_results
 from harness.common.markdown import show_markdown
 from harness.common.progress import progress_bar
-from harness.config.lists import seed_values
+from harness.config.lists import names, seed_values
 from harness.grid.grid import GridRequest
 from harness.grid.making import Telling
 from harness.grid.pool import run_cells
@@ -45,9 +44,7 @@ def make_study_of(options: Mapping[str, Any]) -> None:
     if case == "ablation":
         numbers, text = _make_ablation(net, f"{traffic.start}:{traffic.stop}", folder, quiet)
     else:
-        chosen = tuple(name.strip() for name in (options["models"] or "").split(",") if name.strip())
-        if options["models"] is not None and not chosen:
-            raise InputError(f"`models` {options['models']}: it names no model; for example `models` gmm,cvm")
+        chosen = () if options["models"] is None else names(options["models"], "models", "gmm,cvm")
         cases = study.StudyPlan(
             *(case, chosen, options["model_file"], options["cases"], options["particles"], options["seed"]),
             *(traffic, options["cache"]),

@@ -11,6 +11,7 @@ from harness.common.files import check_folder, write_text
 from harness.common.markdown import markdown_table, show_markdown
 from harness.common.numbers import as_json, without_nan
 from harness.common.progress import progress_bar
+from harness.config.lists import names
 from harness.lab.against import PAIRS, time_ratios
 from harness.lab.bench import BenchPlan, run_bench
 
@@ -20,9 +21,9 @@ def measure(options: Mapping[str, Any]) -> int:
     out, quiet, against = options["out"], options["quiet"], options["against"]
     check_folder(out, "out")
     counts = _counts(options["vehicles"] or ("50" if against else "10,25,50,100,200"))
-    trackers = options["trackers"] or ("mmpf:residual" if against else "")
-    names = tuple(name.strip() for name in trackers.split(",") if name.strip())
-    plan = BenchPlan(counts, names, *(options[name] for name in ("particles", "steps", "seed", "budget")))
+    trackers = options["trackers"] or ("mmpf:residual" if against else None)
+    chosen = () if trackers is None else names(trackers, "trackers", "mmpf:residual")
+    plan = BenchPlan(counts, chosen, *(options[name] for name in ("particles", "steps", "seed", "budget")))
     steps = len(plan.vehicles) * (PAIRS * len(plan.trackers) * (plan.steps - 1) if against else plan.steps)
     with progress_bar("bench", steps, quiet, before="bench: compiling, warming up") as advance:
         if against:

@@ -14,11 +14,11 @@ from harness.running.logged import score_logs
 
 
 def score_log(options: Any) -> None:  # noqa: ANN401  the command's own table
-    """Score the log, print what was left out and the scores, and write its page."""
+    """Score the log, print what is missing and the scores, and write its page."""
     as_json, quiet, out, force = options["json"], options["quiet"], options["out"], options["force"]
     with working("scoring", quiet):
-        folder, metrics, report, left_out = score_logs(options, out, force, typed(), write_page)
-    if left_out or not quiet:
+        folder, metrics, report, is_whole = score_logs(options, out, force, typed(), write_page)
+    if not (is_whole and quiet):
         to_stderr(report)
     if not quiet:
         print_summary(metrics, folder, is_log=True)

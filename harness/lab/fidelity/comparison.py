@@ -85,7 +85,7 @@ def judge_traffic(options: Mapping[str, Any]) -> dict[str, Any]:
 def _asked_demands(site: MeasuredSite, network: Network, options: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the demands to be compared, or raise ``InputError``."""
     asked = options["demand"]
-    demands = tuple(site.periods) if asked is None else names(asked, "--demand", "us101-0805")
+    demands = tuple(site.periods) if asked is None else names(asked, "demand", "us101-0805")
     for demand in demands:
         skip_s = site.period(demand).skip_s
         network.demand(demand)

@@ -139,6 +139,6 @@ def test_every_error_while_followed_has_the_followed_share_in_the_next_column():
     table = pd.DataFrame([rows(20, 0, 10)])
     heading = next(line for line in as_markdown("T", curve_points(table, ()), [], []).splitlines() if "MAE" in line)
     cells = [cell.strip() for cell in heading.split("|")]
-    for place, cell in enumerate(cells):
-        if "while followed" in cell:
-            assert cells[place + 1].endswith("and followed, %"), cell
+    followed = [place for place, cell in enumerate(cells) if "while followed" in cell]
+    assert followed
+    assert all(cells[place + 1].endswith("and followed, %") for place in followed), cells

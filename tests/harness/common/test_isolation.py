@@ -41,9 +41,9 @@ def nested() -> object:
     ("work", "told"),
     [
         (lambda: np.ones(10**9), "needs more than 1.25 GB of memory"),
-        (lambda: ctypes.string_at(0), "crashed over it (SIGSEGV)"),
-        (os.abort, "crashed over it (SIGABRT)"),
-        (lambda: os._exit(0), "crashed over it (exit code 0)"),
+        (lambda: ctypes.string_at(0), "crashed while reading it (SIGSEGV)"),
+        (os.abort, "crashed while reading it (SIGABRT)"),
+        (lambda: os._exit(0), "crashed while reading it (exit code 0)"),
         pytest.param(never_ends, "took more than 1 s", marks=pytest.mark.slow),
         (lambda: os.execv("/bin/true", ["true"]), "PermissionError"),
         (lambda: socket.create_connection(("127.0.0.1", 9)), "PermissionError"),

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from harness.common.errors import InputError
+from harness.common.errors import InputError, RunError
 from harness.grid.cluster import CONNECT_S, connect, run_cell, run_cells_on_cluster
 from harness.grid.grid import GridRequest, plan_grid
 
@@ -17,16 +17,16 @@ class Task:
 
     def __init__(self, cell, error: Exception | str | None) -> None:
         self.cell, self.error, self.released, self.limits = cell, error, 0, []
-        self.status = error if isinstance(error, str) else "error" if error else "finished"
+        self.status = "finished" if error in (None, "late") else error if isinstance(error, str) else "error"
 
     def exception(self, timeout: float) -> Exception | None:
         self.limits.append(timeout)
-        if self.status == "lost":
-            raise TimeoutError
         return None if isinstance(self.error, str) else self.error
 
     def result(self, timeout: float) -> list:
         self.limits.append(timeout)
+        if self.error == "late" and len(self.limits) < 5:
+            raise TimeoutError
         return [(run.key, {"seed": run.config.seed}) for run in self.cell.runs]
 
     def release(self) -> None:
@@ -39,7 +39,7 @@ class Task:
 class Cluster:
     """A cluster that ends its tasks backwards."""
 
-    loop = "the loop"
+    loop, status = "the loop", "running"
 
     def __init__(self, *errors: Exception | str | None) -> None:
         self.errors, self.asked, self.tasks, self.cancelled = list(errors), [], [], None
@@ -78,6 +78,16 @@ def test_a_cell_that_the_cluster_gives_up_is_failed_rows_with_its_reason():
     assert [row["seed"] for row in failed] == [1, 1]
     assert {row["error"] for row in failed} == {"the cluster gave the task up: ValueError: no way"}
     assert {row["total_s"] for row in failed} == {0.0}
+
+
+def test_rows_that_another_worker_makes_again_are_awaited_as_long_as_the_scheduler_answers():
+    client, rows = Cluster(None, "late", None), {}
+    run_cells_on_cluster(client, CELLS, None, rows.__setitem__)
+    assert [row["seed"] for row in rows.values()] == [2, 2, 1, 1, 0, 0]
+    client = Cluster(None, "late", None)
+    client.status = "connecting"
+    with pytest.raises(RunError, match="scheduler was lost"):
+        run_cells_on_cluster(client, CELLS, None, rows.__setitem__)
 
 
 def test_without_dask_it_is_told_how_to_install_it(monkeypatch):

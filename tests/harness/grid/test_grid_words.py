@@ -38,7 +38,7 @@ from tests.harness.stand_ins import echo_tracker
         ({"trackers": "pmbm", "particles": 10}, "particles", "only mmpf takes them"),
         ({"trackers": "pmbm", "settings": ("tracker.options.x=1",)}, "settings", "pmbm+x=VALUE"),
         ({"trackers": "lmb,pmbm", "vary": ("tracker.particles=5,6",)}, "vary", "lmb+particles=VALUE"),
-        ({"densities": "70"}, "densities", "between 5 and 65"),
+        ({"densities": "70"}, "densities", "give 5 to 65"),
         ({"trackers": ","}, "trackers", "for example"),
         ({"densities": "x"}, "densities", "for example"),
     ],

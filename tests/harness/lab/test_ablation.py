@@ -2,6 +2,7 @@
 
 import pandas as pd
 import pytest
+from scipy.stats import t as student
 
 from harness.grid.grid import plan_grid
 from harness.lab import ablation
@@ -56,6 +57,8 @@ def test_a_seed_whose_run_failed_is_left_out_of_the_pairs():
     row = next(row for row in ablation.ablation_rows(runs) if row["variant"] == arm)
     assert row["runs"] == 2
     assert row["mot.hota"]["difference"] == pytest.approx(-7.5)
+    half = student.isf(0.025, 1) * 2.5  # the differences are -10 and -5
+    assert row["mot.hota"]["ci95"] == pytest.approx((-7.5 - half, -7.5 + half), abs=1e-4)
 
 
 def test_the_table_names_every_arm_in_words():

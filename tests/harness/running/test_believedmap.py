@@ -61,7 +61,7 @@ def test_a_graph_is_shifted_to_the_north(crossing):
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        (("lanes_left_out=[9]",), "the road has the lanes 1, 2, 3, 4, 5"),
+        (("lanes_left_out=[9]",), "the road has lanes 1, 2, 3, 4, 5"),
         (("map=two",), "map"),
         (("map_shift_m=1e9",), "map_shift_m"),
     ],

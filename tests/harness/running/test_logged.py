@@ -203,6 +203,9 @@ def test_times_may_be_off_by_a_tenth_of_a_step_and_what_is_outside_of_the_truth_
     assert score(tmp_path, run.folder, path) == 0
     outside = int((later["time_s"] > run.truth["time_s"].max() + 0.05).sum())
     assert f"left out: {outside} at no time of the truth" in capfd.readouterr().err
+    tracks[:0].to_parquet(path)
+    assert score(tmp_path, run.folder, path) == 0
+    assert "0 rows of tracks at 0 of" in capfd.readouterr().err
 
 
 def test_a_log_of_a_run_has_the_run_s_own_scores(tmp_path, run):

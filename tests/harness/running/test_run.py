@@ -154,6 +154,10 @@ def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another
     assert "the 12 steps in" in capsys.readouterr().err
     with pytest.raises(InputError, match="seed 0 there, 7 now"):
         run_on(untouched, configured(seed=7), out, resume=True)
+    near = resolve_run_config(settings=["sensor.range_m=40"], options={"tracker": ECHO})
+    run_on(steady_traffic, near, tmp_path / "near")
+    with pytest.raises(InputError, match=r"range_m 40\.0 there, None now"):
+        run_on(untouched, configured(), tmp_path / "near", resume=True)
     manifest = json.loads((out / "manifest.json").read_text())
     for code, told in ((manifest["code_sha256"] | {"mmpf": "0" * 64}, "mmpf has changed"), ([1], "missing or broken")):
         (out / "manifest.json").write_text(json.dumps(manifest | {"code_sha256": code}))
