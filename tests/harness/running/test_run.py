@@ -156,7 +156,7 @@ def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another
         run_on(untouched, configured(seed=7), out, resume=True)
     near = resolve_run_config(settings=["sensor.range_m=40"], options={"tracker": ECHO})
     run_on(steady_traffic, near, tmp_path / "near")
-    with pytest.raises(InputError, match=r"range_m 40\.0 there, None now"):
+    with pytest.raises(InputError, match="range_m 40 there, None now"):
         run_on(untouched, configured(), tmp_path / "near", resume=True)
     manifest = json.loads((out / "manifest.json").read_text())
     for code, told in ((manifest["code_sha256"] | {"mmpf": "0" * 64}, "mmpf has changed"), ([1], "missing or broken")):
