@@ -20,7 +20,7 @@ def leading_sentence(
     Trackers with a score at every setting are ranked by the mean of their settings' means over the runs that all have.
 
     Args:
-        runs: A row for each run: ``tracker``, ``setting`` in words, ``seed`` and ``score``.
+        runs: A row for each run: ``tracker``, ``setting`` in words, ``unit`` (seed or recording) and ``score``.
         decided: Returns whether the verdict is that the first tracker is ahead of the second; None where there is no
             verdict on the two, so that the first is ahead if the interval excludes 0.
 
@@ -28,7 +28,7 @@ def leading_sentence(
         The sentence; empty with fewer than two trackers that have a score on the same traffic.
     """
     sign = 1.0 if quantity.higher_is_better else -1.0
-    signed = runs.assign(score=sign * runs["score"], unit=runs["seed"])
+    signed = runs.assign(score=sign * runs["score"])
     wide = signed.pivot_table(index=["setting", "unit"], columns="tracker", values="score", sort=False)
     common = common_runs(wide)
     ranked = common.groupby("setting").mean().mean().sort_values(ascending=False, kind="stable").index
@@ -47,7 +47,9 @@ def leading_sentence(
     lacking = ", ".join(wide.columns.difference(common.columns, sort=False))
     unranked = f" Not ranked, since a setting lacks its score: {lacking}." if lacking else ""
     claim = f"{'' if clear else 'it is undecided whether '}{ranked[0]} is ahead of {ranked[1]}"
-    return f"In {quantity.label.rpartition(', ')[0]}, {claim}: {_in_words(overall, quantity, seeds)}{told}.{unranked}"
+    of = "seeds" if pd.api.types.is_numeric_dtype(runs["unit"]) else "recordings"
+    size = _in_words(overall, quantity, seeds, of)
+    return f"In {quantity.label.rpartition(', ')[0]}, {claim}: {size}{told}.{unranked}"
 
 
 def common_runs(wide: pd.DataFrame) -> pd.DataFrame:
@@ -62,9 +64,9 @@ def lead(pairs: pd.DataFrame) -> Effect:
     return paired_effect(second, first, setting, unit)
 
 
-def _in_words(lead: Effect, quantity: Quantity, seeds: int) -> str:
+def _in_words(lead: Effect, quantity: Quantity, seeds: int, of: str) -> str:
     size, low, high = (f"{value:.{quantity.decimals}f}" for value in (lead.difference, *lead.ci95))
-    over = f" over {seeds} seeds" if seeds > 1 else ""
-    interval = f"95 % interval {low} to {high}{over}" if np.isfinite(lead.se) else "one seed"
+    over = f" over {seeds} {of}" if seeds > 1 else ""
+    interval = f"95 % interval {low} to {high}{over}" if np.isfinite(lead.se) else f"one {of[:-1]}"
     unit = quantity.label.rpartition(", ")[2].replace("%", "percentage points")
     return f"by {size} {unit}, {interval}"

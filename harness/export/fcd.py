@@ -48,7 +48,7 @@ def _lines(run: RecordedRun) -> list[str]:
             centre_x + 0.5 * length * np.cos(heading),
             centre_y + 0.5 * length * np.sin(heading),
             (90.0 - np.degrees(heading)) % 360.0,
-            np.maximum(speed / np.cos(in_lane), 0.0),
+            np.maximum(speed / np.cos(in_lane - run.road.axis_of(in_lane)), 0.0),
             # A place on a lane is never negative, one before the road's zero may be.
             pos - min(np.floor(pos.min()), 0.0),
             lat_speed,

@@ -68,7 +68,7 @@ def _ground_truth(run: RecordedRun, number: IntArray, first_lane: int) -> Iterat
     x, y, heading = run.in_plane(truth)
     names = ("speed_mps", "lat_speed_mps", "accel_mps2", "length_m", "width_m")
     speed, lat_speed, accel, length, width = (floats(truth, name) for name in names)
-    along = run.road.heading_at(floats(truth, "lon_m"))
+    along = run.road.heading_at(floats(truth, "lon_m")) + run.road.axis_of(floats(truth, "heading_rad"))
     velocity_x, velocity_y = turned(speed, lat_speed, -along)
     is_ego = truth["is_ego"].to_numpy(dtype=bool)
     for rows in rows_of_steps(truth).values():
@@ -114,7 +114,7 @@ def _sensor_data(run: RecordedRun, table: pd.DataFrame, describe: Describe) -> I
             yaw = heading[i] - ego_heading[k]
             size = columns["length_m"][i], columns["width_m"][i]
             _place(found.base, dx * cosine + dy * sine, dy * cosine - dx * sine, 0.0, yaw, size)
-            if "lat_speed_mps" in columns:
+            if "lat_speed_mps" in columns and not run.road.has_headings:  # where no table tells where tracks head
                 velocity = turned(columns["speed_mps"][i], columns["lat_speed_mps"][i], ego_heading[k] - along[i])
                 found.base.velocity.x, found.base.velocity.y = velocity
             found.base_rmse.position.x = float(columns["std_lon_m"][i])

@@ -110,7 +110,7 @@ class PlannedRun:
     def identity(self) -> dict[str, Any]:
         """Return the columns that identify this run."""
         traffic, tracker = self.config.traffic, self.config.tracker
-        models = [f"{name} {digest[:8]}" for name, digest in model_files(self.config).items()]
+        models = [f"{Path(name).name} {digest[:8]}" for name, digest in model_files(self.config).items()]
         return {
             schema.NET: traffic.net,
             schema.DENSITY: traffic.density,

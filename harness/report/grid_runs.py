@@ -31,7 +31,7 @@ from harness.storage.grid_folder import GRID, KEPT, RUNS, column_of
 from harness.storage.schema import DENSITY
 from mmpf.numerics.arrays import FloatArray
 
-BESIDE = "side-by-side.html"
+BESIDE = runfolder.PAGES[1]
 RANKED = "mot.hota"
 SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", RANKED)
 MOST_LISTED, MOST_TOLD = 2_000, 6
@@ -131,7 +131,7 @@ def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], sc
         return any(each.metric == RANKED and each.verdict == (WORSE if a == first else BETTER) for each in judged)
 
     rows = [
-        {"tracker": tracker, "setting": setting, "seed": run.config.seed, "score": scores[place]}
+        {"tracker": tracker, "setting": setting, "unit": run.config.replay or run.config.seed, "score": scores[place]}
         for tracker, setting, place, run in placed
         if run.config.tracker.name != COASTING_TRACKER
     ]
@@ -184,7 +184,8 @@ def _ways(folder: Path, run: PlannedRun, first: PlannedRun | None) -> Iterator[M
 
 def _tracker(run: PlannedRun) -> str:
     own = [f"{key}={value:g}" for key, value in run.varied.items() if key.startswith("tracker.")]
-    return " ".join(word for word in (run.variant, run.config.tracker.model, *own) if word)
+    model = None if "model=" in run.variant else run.config.tracker.model  # as ``compare`` calls it
+    return " ".join(word for word in (run.variant, model, *own) if word)
 
 
 def _setting(run: PlannedRun, several_nets: bool) -> str:

@@ -205,7 +205,8 @@ def write_run(
         is_log: Whether the tracks are a log's.
     """
     (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
-    (folder / runfolder.MANIFEST).unlink(missing_ok=True)
+    for name in (runfolder.MANIFEST, *runfolder.PAGES):  # pages of a run that is made again show the former one
+        (folder / name).unlink(missing_ok=True)
     ownership.claim(folder, ownership.RUN)
     write_config(config, folder / runfolder.CONFIG)
     write_road(evaluated.road, folder / runfolder.ROAD)

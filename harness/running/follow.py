@@ -155,6 +155,8 @@ def _as_believed(scan: Scan, noise_factor: float) -> Scan:
     detections = noisier(scan.detections, "std_lon_m", "std_lat_m", "std_speed_mps")
     if detections.sizes is not None:
         detections = replace(detections, sizes=noisier(detections.sizes, "std_length_m", "std_width_m"))
+    if detections.headings is not None:
+        detections = replace(detections, headings=noisier(detections.headings, "std_rad"))
     return replace(scan, detections=detections)
 
 

@@ -6,7 +6,7 @@ counts as detected, where it is.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -110,8 +110,8 @@ def score_logs(
         metrics = evaluated.metrics(config, snapshots.about, perf_counter() - begin)
         if not (set(STDS) <= set(rows) and np.isfinite(rows[[*STDS]]).all(axis=None)):
             # Those that stand in for them say nothing of the tracker.
-            metrics["calibration"] = _unknown(metrics["calibration"])
-            report += "; it does not tell all deviations, so calibration is null"
+            metrics |= _unknown(metrics, ("crps", "ellipse90")) | {"calibration": _unknown(metrics["calibration"])}
+            report += "; it does not tell all deviations, so calibration, CRPS and ellipses are null"
         if by_rules := _by_nuscenes_rules(logs):
             metrics["nuscenes"] = by_rules
             report += "; by nuScenes' rules AMOTA is {amota:.3f} and AMOTP {amotp:.3f} m".format(**by_rules)
@@ -134,8 +134,10 @@ def _by_nuscenes_rules(logs: Logs) -> dict[str, Any] | None:
     return nuscenes_scores(*pair, _poses(log), log.step_s)
 
 
-def _unknown(table: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _unknown(value) if isinstance(value, Mapping) else None for name, value in table.items()}
+def _unknown(table: Mapping[str, Any], words: Sequence[str] = ("",)) -> dict[str, Any]:
+    """Return metrics with null for those that have one of the words in their names."""
+    nulled = {name: None if any(word in name for word in words) else value for name, value in table.items()}
+    return nulled | {name: _unknown(value, words) for name, value in table.items() if isinstance(value, Mapping)}
 
 
 def _log(logs: Logs, role: str, path: Path) -> LogFile:

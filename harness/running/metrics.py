@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,7 @@ class TrafficSums:
 def identification(config: RunConfig) -> dict[str, Any]:
     """Return the ``run`` table: what was run."""
     traffic_config, tracker = config.traffic, config.tracker
-    models = [f"{name} {digest[:8]}" for name, digest in model_files(config).items()]
+    models = [f"{Path(name).name} {digest[:8]}" for name, digest in model_files(config).items()]
     return {
         "net": traffic_config.net,
         "demand": traffic_config.demand,

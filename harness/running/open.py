@@ -140,8 +140,9 @@ def _simulated(config: RunConfig, simulate: Simulate) -> SnapshotStream:
     more = [f"and {len(network.unusual) - MOST_UNUSUAL} more"] * (len(network.unusual) > MOST_UNUSUAL)
     unusual = "; ".join([*network.unusual[:MOST_UNUSUAL], *more])
     told += [f"unusual in {network.name}: {unusual}"] * bool(network.unusual)
-    named = {name: getattr(network, name) for name in ("net_file", "vehicle_types_file", "calibration_file")}
-    files = {name: file for name, file in named.items() if file is not None and file.is_file()}
+    own = network.configuration or network.net_file.parent / "network.toml"
+    read = (file for file in (*network.files, network.calibration_file, own) if file is not None)
+    files = {f"network/{file.name}": file for file in read if file.is_file()}
     return replace(observe_traffic(truth, sensor, config.seed), files=files, report="; ".join(told))
 
 

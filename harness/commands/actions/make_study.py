@@ -14,7 +14,7 @@ from harness.common.markdown import show_markdown
 from harness.common.progress import progress_bar
 from harness.config.lists import names, seed_values
 from harness.grid.grid import GridRequest
-from harness.grid.making import Telling
+from harness.grid.making import on_stderr
 from harness.grid.pool import run_cells
 from harness.grid.stress import run_stress
 from harness.lab.ablation import IDEAL_ABLATIONS, IDEAL_SENSOR, ablation_request, ablation_rows, as_markdown
@@ -76,7 +76,7 @@ def _make_ablation(net: str, seeds: str, folder: Path, quiet: bool) -> Results:
             out,
             lambda cells, on_row: run_cells(cells, os.cpu_count() or 1, None, on_row),
             resume=(out / RUNS).exists() or (out / "grid.json").exists(),
-            user=Telling(quiet),
+            user=on_stderr(quiet),
             command="harness study ablation",
         )
         return pd.read_parquet(out / RUNS)

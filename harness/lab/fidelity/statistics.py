@@ -68,7 +68,7 @@ def period_statistics(pieces: Sequence[Fields], lanes: int) -> PeriodStatistics:
         density_veh_per_km_lane=float(1000.0 * density.mean() / lanes),
         quarter_speed_mps=tuple(float(q.mean() / k.mean()) for q, k in quarters),
         quarter_flow_veh_per_h=tuple(float(3600.0 * q.mean()) for q, _ in quarters),
-        share_below_4mps=float(np.nanmean(speed < SLOW_MPS)),
+        share_below_4mps=float(np.mean(speed[np.isfinite(speed)] < SLOW_MPS)),
         wave_mps=wave_speed([piece.speed_mps for piece in pieces]),
     )
 

@@ -78,8 +78,7 @@ def train_turning(networks: Sequence[Network], seeds: range, cache: Path | None,
 
 def _recorded(network: Network, seeds: range, cache: Path | None, say: Say) -> DrivenMap:
     demands = [network.demand_files[name].density_veh_per_km_lane for name in network.demands]
-    own_cache = None if cache is None else cache / network.name
-    files = record_traffic(network, seeds, DURATION_S, own_cache, say, demands)
+    files = record_traffic(network, seeds, DURATION_S, cache, say, demands)
     graph = cast("LaneGraph", network.road.graph)
     laid = [on_map(recording, graph) for recording in load_all(files)]
     return DrivenMap(graph, joined_apart([taken(one, one.free) for one in laid], "driver"))

@@ -121,9 +121,9 @@ def record_traffic(
 ) -> list[Path]:
     """Record each seed at each density, without an ego, if it has no file yet, one line to ``say``; return the files.
 
-    They lie in ``cache``, or without it in the usual folder, which differs for other drivers on the same network.
+    They lie in ``cache``, or the usual folder, in a folder that differs for other networks and drivers.
     """
-    folder = cache or Path("results") / "cache" / "traffic" / traffic_version(network)
+    folder = (cache or Path("results") / "cache" / "traffic") / traffic_version(network)
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(density, seed) for seed in seeds for density in densities]
     paths = [folder / f"density{density:g}-seed{seed}-{duration_s:g}s.npz" for density, seed in wanted]

@@ -17,7 +17,7 @@ def runs_of(means, seeds=6):
     rng = np.random.default_rng(3)
     shared = rng.normal(0.0, 5.0, seeds)
     rows = [
-        {"tracker": tracker, "setting": setting, "seed": seed, "score": mean + shared[seed] + rng.normal()}
+        {"tracker": tracker, "setting": setting, "unit": seed, "score": mean + shared[seed] + rng.normal()}
         for (tracker, setting), mean in means.items()
         for seed in range(seeds)
     ]
@@ -26,7 +26,7 @@ def runs_of(means, seeds=6):
 
 def lead_of(runs, setting, ahead, behind):
     # Settings of one seed share their traffic, so that a seed counts once.
-    here = runs[runs["setting"].isin(setting)].pivot_table(index="seed", columns="tracker", values="score")
+    here = runs[runs["setting"].isin(setting)].pivot_table(index="unit", columns="tracker", values="score")
     test = stats.ttest_rel(here[ahead], here[behind])
     return (here[ahead] - here[behind]).mean(), *test.confidence_interval(0.95)
 
@@ -57,3 +57,8 @@ def test_a_lead_that_chance_may_explain_or_of_few_seeds_is_not_claimed(seeds, le
     told = leading_sentence(runs_of({("a", "20"): 80.0, ("b", "20"): 80.0 + lead}, seeds), HOTA)
     assert "it is undecided whether" in told
     assert ("one seed" in told) == (seeds == 1)
+
+
+def test_recordings_are_the_units_where_several_seeds_ran_on_each():
+    runs = runs_of({("a", "x"): 80.0, ("b", "x"): 90.0}).assign(unit=lambda rows: "r" + (rows["unit"] % 3).astype(str))
+    assert "over 3 recordings" in leading_sentence(runs, HOTA)

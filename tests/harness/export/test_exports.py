@@ -27,6 +27,7 @@ from harness.storage.lock import LOCK
 from harness.truth.network.network import load_network
 from harness.truth.recorded.fcd import read_fcd
 from mmpf.map.corridor_road import CorridorRoad
+from mmpf.map.graph_road import LaneGraphRoad
 from mmpf.map.road import Lane
 from tests.harness.recorded_scene import (
     GIVEN_UP,
@@ -37,6 +38,7 @@ from tests.harness.recorded_scene import (
     rewrite,
     write_recorded_scene,
 )
+from tests.mmpf.map.scenes import graph_of
 
 # A road that turns from east to north-east, so that the road frame and the plane differ.
 BENT = CorridorRoad(
@@ -96,6 +98,16 @@ def test_sumo_reads_the_floating_car_data(bent):
         assert heading - along == pytest.approx(row["heading_rad"], abs=1e-5)
         assert float(vehicle.speed) * np.cos(row["heading_rad"]) == pytest.approx(row["speed_mps"], abs=1e-3)
         assert width == row["width_m"]
+
+
+def test_in_the_plane_the_speed_of_the_floating_car_data_is_that_along_the_body(tmp_path):
+    graph = graph_of({str(lane): [(0.0, 3.5 * lane), (500.0, 3.5 * lane)] for lane in range(5)})
+    folder = write_recorded_scene(tmp_path / "plane", road=LaneGraphRoad(graph=graph))
+    truth = pd.read_parquet(folder / "truth.parquet")
+    rewrite(folder, "truth.parquet", truth.assign(heading_rad=np.linspace(-3.0, 3.0, len(truth)), lane=1))
+    file, _ = export_run(folder, "fcd")
+    written = re.findall(r' speed="([-.0-9]+)"', file.read_text())
+    assert [float(speed) for speed in written] == pytest.approx(truth["speed_mps"].tolist(), abs=1e-4)
 
 
 @pytest.mark.slow

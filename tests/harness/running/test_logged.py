@@ -143,7 +143,7 @@ def test_each_format_gives_the_errors_that_were_put_in_and_hides_what_the_truck_
     assert values["mae.all.lon_m"] == pytest.approx(0.3, abs=1e-3)
     assert values["mae.all.lat_m"] == pytest.approx(0.0, abs=1e-3)
     assert values["mot.id_switches"] == 0
-    assert values.filter(like="calibration.nees").isna().all()
+    assert values.filter(regex="calibration.nees|crps|ellipse90").isna().all()
     seen = run.truth.groupby("vehicle_id")["state"].agg(set)
     if format_ != "mot":  # it tells no sizes: a usual car hides a usual car all the same
         assert run.truth.groupby("vehicle_id")["length_m"].first()["1"] == pytest.approx(9.0)

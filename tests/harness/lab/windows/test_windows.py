@@ -13,6 +13,7 @@ from harness.lab.windows.recording import (
     record_traffic,
     recording_of,
     save_recording,
+    traffic_version,
 )
 from harness.truth.network.network import load_network
 from harness.truth.recorded.source import open_recorded_traffic
@@ -156,10 +157,12 @@ def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     monkeypatch.setattr("harness.lab.windows.recording.open_traffic", open_traffic)
+    network = load_network("us101")
+    (folder := tmp_path / traffic_version(network)).mkdir()
     for seed in (1000, 1001):
-        save_recording(traffic((0.0, 10.0, steady(2.0)), steps=2), tmp_path / f"density20-seed{seed}-10s.npz")
+        save_recording(traffic((0.0, 10.0, steady(2.0)), steps=2), folder / f"density20-seed{seed}-10s.npz")
     with pytest.raises(KeyboardInterrupt):
-        record_traffic(load_network("us101"), range(1000, 1003), 10.0, tmp_path, print, [20.0])
+        record_traffic(network, range(1000, 1003), 10.0, tmp_path, print, [20.0])
     assert opened == [1002]
 
 
