@@ -1,4 +1,4 @@
-"""Check that a ``metrics.json`` has every key that other programs rely on."""
+"""Check that a ``metrics.json`` has every key that other programs rely on, and that the run kept pace."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ def main(path: Path) -> str:
     """Return what is wrong, or nothing."""
     metrics: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     missing = KEYS - set(flattened(metrics))
-    return f"{path}: {', '.join(sorted(missing))} missing" if missing else ""
+    if missing:
+        return f"{path}: {', '.join(sorted(missing))} missing"
+    if metrics["timing"]["realtime_factor"] < 1.0:
+        return f"{path}: slower than real time, factor {metrics['timing']['realtime_factor']:.2f}"
+    return ""
 
 
 if __name__ == "__main__":

@@ -61,7 +61,7 @@ class Numbers:
         faults = {
             "is missing or not finite": ~np.isfinite(rows) & ~(self.gaps & np.isnan(rows)),
             "is {value:g}, not a whole number": self.whole & np.isfinite(rows) & (rows != np.round(rows)),
-            f"is {{value:g}}; it must be {self.least:g} to {self.most:g}": (rows < self.least) | (rows > self.most),
+            f"is {{value:g}}, not from {self.least:g} to {self.most:g}": (rows < self.least) | (rows > self.most),
             "goes back from {before:g} to {value:g}; put the rows in order": ~(rows > before) if self.rising else NONE,
         }
         for told, wrong in faults.items():

@@ -114,7 +114,7 @@ def _sensor_data(run: RecordedRun, table: pd.DataFrame, describe: Describe) -> I
             yaw = heading[i] - ego_heading[k]
             size = columns["length_m"][i], columns["width_m"][i]
             _place(found.base, dx * cosine + dy * sine, dy * cosine - dx * sine, 0.0, yaw, size)
-            if "lat_speed_mps" in columns and not run.road.has_headings:  # where no table tells where tracks head
+            if "lat_speed_mps" in columns and not run.road.has_headings:  # in the plane tracks have no headings
                 velocity = turned(columns["speed_mps"][i], columns["lat_speed_mps"][i], ego_heading[k] - along[i])
                 found.base.velocity.x, found.base.velocity.y = velocity
             found.base_rmse.position.x = float(columns["std_lon_m"][i])

@@ -31,7 +31,7 @@ from harness.storage.grid_folder import GRID, KEPT, RUNS, column_of
 from harness.storage.schema import DENSITY
 from mmpf.numerics.arrays import FloatArray
 
-BESIDE = runfolder.PAGES[1]
+BESIDE = runfolder.BESIDE
 RANKED = "mot.hota"
 SHOWN = ("hidden.hidden_cost_m", "occlusion.same_id_percent", RANKED)
 MOST_LISTED, MOST_TOLD = 2_000, 6

@@ -25,7 +25,7 @@ from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
 
-PAGE = runfolder.PAGES[0]
+PAGE = runfolder.PAGE
 MARK = b"his page is one file and needs no network"
 """By this a page of this program's is known."""
 SCRIPTS = tuple(f"replay_{part}.js" for part in ("frame", "picture", "course", "differences", "control"))

@@ -205,7 +205,7 @@ def write_run(
         is_log: Whether the tracks are a log's.
     """
     (folder / runfolder.FIGURES).mkdir(parents=True, exist_ok=True)
-    for name in (runfolder.MANIFEST, *runfolder.PAGES):  # pages of a run that is made again show the former one
+    for name in (runfolder.MANIFEST, runfolder.PAGE, runfolder.BESIDE):  # the pages show the run that is replaced
         (folder / name).unlink(missing_ok=True)
     ownership.claim(folder, ownership.RUN)
     write_config(config, folder / runfolder.CONFIG)

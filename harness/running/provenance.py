@@ -42,9 +42,9 @@ def other_code(config: RunConfig) -> dict[str, str]:
 
 
 def model_files(config: RunConfig) -> dict[str, str]:
-    """Return the SHA-256 of the file of a fitted model that a configuration names, by file; none if it is not there."""
+    """Return the SHA-256 of the file of a fitted model that a configuration names, by path; none if it is not there."""
     file = dict(leaves(config.as_table())).get(MODEL_FILE)
-    return {str(file): sha256_of(Path(file))} if file and Path(file).is_file() else {}
+    return {file: sha256_of(Path(file))} if file and Path(file).is_file() else {}
 
 
 def provenance_of(configs: Iterable[RunConfig]) -> tuple[dict[str, str], dict[str, str]]:

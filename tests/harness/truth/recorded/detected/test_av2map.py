@@ -153,7 +153,7 @@ def broken(**changes: Any) -> str:
         ('{"lane_segments": {}}', "no lane of it is for vehicles"),
         ('{"lane_segments": {"1": {"lane_type": "VEHICLE"}}}', "is missing"),
         (broken(left_lane_boundary=[{"x": 1.0, "y": 1.0}]), "two points"),
-        (broken(left_lane_boundary=[{"x": 1.0, "y": 1.0}, {"x": 1e9, "y": 1.0}]), "it must be"),
+        (broken(left_lane_boundary=[{"x": 1.0, "y": 1.0}, {"x": 1e9, "y": 1.0}]), ", not from "),
         (broken(left_lane_boundary=[{"x": 1.0, "y": 1.0}, {"x": float("nan"), "y": 1.0}]), "not finite"),
         (broken(left_lane_boundary=[{"x": 0.0, "y": 0.0}, {"x": 9e4, "y": 0.0}]), "the length of a boundary"),
         (broken(right_lane_boundary={"x": 1.0}), "no map"),
