@@ -86,9 +86,12 @@ def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0
     if a.any() != b.any():
         lacking = "b" if a.any() else "a"
         return "" if tolerated and lacking == "a" else f"{lacking} has no value of it"
-    lost = int((a & ~b).sum()) if paired else max(0, int((~b).sum()) - int((~a).sum()))
-    if lost > tolerated * a.sum():
-        return f"b lacks {lost} of the {int(a.sum())} values that a has"
+    # Of arms of different sizes shares are compared: what b would have if it lacked as few as a.
+    whole = int(a.sum()) if paired else int(len(b) * float(a.mean()) + 1e-9 if len(a) else 0)
+    lost = int((a & ~b).sum()) if paired else max(0, whole - int(b.sum()))
+    if lost > tolerated * whole:
+        whose = "a has" if whole == a.sum() else "it would have as often as a"
+        return f"b lacks {lost} of the {whole} values that {whose}"
     more = int((b & ~a).sum()) if paired and not tolerated else 0
     return f"a lacks {more} of the {int(b.sum())} values that b has" if more else ""
 

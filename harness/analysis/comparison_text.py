@@ -68,8 +68,8 @@ def verdicts_in_grid(folder: Path, more: Iterable[tuple[str, str]] = ()) -> str:
         pairs = dict.fromkeys([*((first, other) for other in others), *more])
         sides = {label: open_source(f"{folder}@{label}", "folder") for pair in pairs for label in pair}
         judged = [compare(sides[a], sides[b]) for a, b in pairs]
-    except (InputError, ValueError):
-        return ""
+    except (InputError, ValueError) as error:
+        return f"There are no verdicts on these runs, since they can't be compared: {error}"
     rule = f"A verdict allows for {_allowed(Rules())}, and corrects for the number of metrics (not of trackers)."
     lines = [f"{rule} So it may be undecided although an interval excludes 0. {WEIGHTS}"]
     for (a, b), comparison in zip(pairs, judged, strict=True):

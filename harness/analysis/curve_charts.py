@@ -73,7 +73,8 @@ def curve_charts(points: Sequence[Point], axis: str, leads: Mapping[Where, list[
 def _row(point: Point, quantity: Quantity, cells: list[int]) -> dict[str, Any]:
     decimals = quantity.decimals + 1
     low, high = point.ci95 or (None, None)
-    interval = f"{low:.{decimals}f} to {high:.{decimals}f}" if point.ci95 is not None else "none from one seed"
+    none = "none from one seed" if point.seeds < 2 else "none, since all seeds are equal"
+    interval = f"{low:.{decimals}f} to {high:.{decimals}f}" if point.ci95 is not None else none
     return {
         "series": point.label,
         "place": point.value,

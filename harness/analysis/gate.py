@@ -28,7 +28,7 @@ def as_junit(comparison: Judgement) -> str:
         case = ElementTree.SubElement(suite, "testcase", classname=_plain(verdict.label), name=_plain(verdict.metric))
         _tell(case, verdict.verdict, in_a_line(verdict))
     whole = ElementTree.SubElement(suite, "testcase", classname=SUITE, name=WHOLE)
-    missing = comparison.missing if judged else comparison.reasons
+    missing = comparison.missing if any(each.verdict == UNDECIDED for each in judged) else comparison.reasons
     _tell(whole, UNDECIDED if missing else "", " ".join(missing))
     counts = {"tests": suite.iter("testcase"), "failures": suite.iter("failure"), "skipped": suite.iter("skipped")}
     for name, found in counts.items():

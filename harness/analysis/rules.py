@@ -144,11 +144,14 @@ class Gate(BaseModel):
     metrics: dict[str, Limit] = Field(default_factory=dict)
 
     def rules(self, tolerance: float | None, time_tolerance: float | None, primary: tuple[str, ...] | None) -> Rules:
-        """Return the rules of a comparison; what is given goes before the file, None for what the file says."""
+        """Return the rules of a comparison; what is given goes before the file, None for what the file says.
+
+        The file's own metrics are judged beside those that are given: no option takes away a requirement.
+        """
         return Rules(
             self.tolerance if tolerance is None else tolerance,
             self.time_tolerance if time_tolerance is None else time_tolerance,
-            primary if primary is not None else tuple(self.metrics) or PRIMARY,
+            tuple(self.metrics) or PRIMARY if primary is None else tuple(dict.fromkeys((*primary, *self.metrics))),
             self.metrics,
         )
 

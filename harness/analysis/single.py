@@ -155,7 +155,7 @@ def _of_sides(label: str, quantity: Quantity, sides: list[ByVehicle], near: Floa
 
 
 def _errors(pairs: pd.DataFrame, state: str, column: str, vehicles: int) -> list[ByVehicle]:
-    rows = pairs[pairs["state"] == state]
+    rows = pairs[pairs["state"] == state].dropna(subset=[f"{column}_{side}" for side in ("a", "b")])
     vehicle = rows["vehicle"].to_numpy(dtype=np.int64)
     errors = (rows[f"{column}_{side}"].abs().to_numpy(dtype=np.float64) for side in ("a", "b"))
     return [ratio_by_vehicle(each, vehicle, vehicles) for each in errors]

@@ -69,17 +69,21 @@ def open_source(text: str, parameter: str) -> Source:
         InputError: There is no such folder or label.
     """
     whole = Path(text)
-    path, at, label = (text, "", "") if whole.exists() else text.rpartition("@") if "@" in text else (text, "", "")
-    folder = Path(path)
+    # A label may hold an @ too, as the name of a model's file does: the folder is what is there.
+    cuts = [] if whole.exists() else [place for place, letter in enumerate(text) if letter == "@"]
+    cut = next((place for place in cuts if Path(text[:place]).is_dir()), cuts[-1] if cuts else len(text))
+    folder, at, label = Path(text[:cut]), text[cut : cut + 1], text[cut + 1 :]
     if (folder / STANDARD / RUNS).is_file():
         folder = folder / STANDARD
     source = _open_grid(text, folder, parameter) if (folder / RUNS).is_file() else _open_run(text, folder, parameter)
     if not at:
         return source
     rows = source.rows[source.rows["label"] == label]
+    lost = source.failed_labels.count(label)
+    if not len(rows) and lost:
+        raise InputError(f"`{parameter}`: all {lost} runs of {label!r} in {folder} failed; its table.md says why")
     if not len(rows):
         raise InputError(f"`{parameter}`: {folder} has no tracker {label!r}; choose one of {', '.join(source.labels)}")
-    lost = source.failed_labels.count(label)
     return replace(source, rows=rows, failed=lost, failed_labels=(label,) * lost)
 
 

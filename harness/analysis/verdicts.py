@@ -13,7 +13,6 @@ import numpy as np
 from harness.analysis.rules import STEP_TIME, Rules
 from harness.common.effects import LEVEL, Effect
 from harness.scoring.metrics.quantity import Quantity
-from harness.scoring.metrics.registry import is_from_outside
 from mmpf.numerics.arrays import FloatArray
 
 BETTER, WORSE, NO_WORSE, UNTESTED, UNDECIDED = "better", "worse", "no worse", "not tested", "undecided"
@@ -125,8 +124,7 @@ def _worsening(measured: MetricDifference) -> float:
 def _possible(measured: MetricDifference) -> tuple[float, float]:
     """Return the least and the largest difference that there can be from a's value."""
     quantity = measured.quantity
-    least = -np.inf if is_from_outside(quantity) else quantity.least
-    return least - measured.a, quantity.most - measured.a
+    return quantity.least - measured.a, quantity.most - measured.a
 
 
 def _unknown(measured: MetricDifference, changed: Collection[tuple[str, bool]]) -> str:

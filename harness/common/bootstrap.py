@@ -22,12 +22,6 @@ class Interval:
     high: float
 
 
-def independent_ci(values: FloatArray, rng: np.random.Generator, draws: int = 1000) -> Interval:
-    """Return the 95 % percentile bootstrap interval of the mean of independent values, shape (n,), none of them nan."""
-    low, high = np.quantile(rng.choice(values, (draws, len(values))).mean(axis=1), (0.025, 0.975))
-    return Interval(float(low), float(high))
-
-
 def group_sums(values: FloatArray, group: IntArray) -> tuple[FloatArray, FloatArray]:
     """Sum the columns of values, shape (n, k), over groups numbered from 0, shape (n,); nan is left out.
 

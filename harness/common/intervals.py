@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from harness.common.bootstrap import FloatArray, Interval
+from harness.common.bootstrap import FloatArray, IntArray, Interval
 from harness.common.effects import LEVEL
 
 SHARED = 0.05
@@ -76,6 +76,13 @@ def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible) -> Int
     # A percentile bootstrap over few clusters is too narrow: it covers 74 % of 95 % with three of them.
     half = float(special.stdtrit(clusters - 1, 1.0 - 0.5 * LEVEL) * np.sqrt(variance))
     return Interval(max(mean - half, possible.least), min(mean + half, possible.most))
+
+
+def clustered_ci(values: FloatArray, cluster: IntArray) -> Interval:
+    """Return the 95 % interval of the mean of values that are not negative, both of shape (n,), over their clusters."""
+    names, place = np.unique(cluster, return_inverse=True)
+    sums, counts = (np.bincount(place, each, len(names)).astype(np.float64) for each in (values, np.ones(len(values))))
+    return possible_ci(sums, counts, NONNEGATIVE)
 
 
 def clopper_pearson(share: float, samples: float) -> tuple[float, float]:

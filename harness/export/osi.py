@@ -117,8 +117,10 @@ def _sensor_data(run: RecordedRun, table: pd.DataFrame, describe: Describe) -> I
             if "lat_speed_mps" in columns and not run.road.has_headings:  # in the plane tracks have no headings
                 velocity = turned(columns["speed_mps"][i], columns["lat_speed_mps"][i], ego_heading[k] - along[i])
                 found.base.velocity.x, found.base.velocity.y = velocity
-            found.base_rmse.position.x = float(columns["std_lon_m"][i])
-            found.base_rmse.position.y = float(columns["std_lat_m"][i])
+            stds = columns["std_lon_m"][i], columns["std_lat_m"][i]
+            turn = ego_heading[k] - along[i]  # deviations are along the road's axes, the message is in the ego's
+            found.base_rmse.position.x = float(np.hypot(stds[0] * np.cos(turn), stds[1] * np.sin(turn)))
+            found.base_rmse.position.y = float(np.hypot(stds[0] * np.sin(turn), stds[1] * np.cos(turn)))
             describe(found, columns, i)
         yield message
 

@@ -57,9 +57,12 @@ def _written(run: RecordedRun, told: list[_Listener], folder: Path) -> Iterator[
         path.write_text("".join(episode.lines), encoding="utf-8")
         yield path
     when = [column.name for column in WHEN]
+    stds = [name for name in run.detections if str(name).startswith("std_")]
+    told_as = 1.0 if (factor := run.config.tracker.believes.noise_factor) is None else factor
+    found = run.detections.assign(**{str(name): told_as * run.detections[name] for name in stds})
     shown = [column.name for column in TABLES[DETECTIONS].columns if column.trackers and column.name in run.detections]
     ego = run.truth[run.truth["is_ego"]]
     names = list(dict.fromkeys([*when, *shown]))
-    for name, rows in (("detections", run.detections[names]), ("ego", ego[[*when, *EGO_COLUMNS]])):
+    for name, rows in (("detections", found[names]), ("ego", ego[[*when, *EGO_COLUMNS]])):
         yield (path := folder / f"{name}.csv")
         rows.to_csv(path, index=False)

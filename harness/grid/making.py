@@ -1,6 +1,7 @@
 """Makes the rows of a grid in its folder; an interrupted grid can be resumed."""
 
 import json
+from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,8 +14,10 @@ from harness.common.files import write_text
 from harness.common.numbers import without_nan
 from harness.common.progress import progress_bar
 from harness.common.streams import to_stderr
+from harness.config.model import RunConfig
 from harness.grid.cells import FULL_DISK, Cell, GridPlan, distinct_trackers
 from harness.grid.pool import OnRow
+from harness.running.open import input_files
 from harness.running.provenance import model_files, other_code, own_code, provenance_of
 from harness.storage import ownership
 from harness.storage import run_folder as runfolder
@@ -29,7 +32,7 @@ from harness.storage.grid_folder import (
     read_rows,
     write_row,
 )
-from harness.storage.manifest import CODE, INPUTS, RunFacts, hashes_of, manifest_of, write_manifest
+from harness.storage.manifest import CODE, INPUTS, RunFacts, hashes_of, manifest_of, sha256_of, write_manifest
 
 SUMMARY, TABLE = "summary.json", "table.md"
 
@@ -116,9 +119,11 @@ def make_rows(
         check_same_grid(out, rows_folder, {run.key for run in grid.runs})
         there = read_rows(rows_folder, (run.key for run in grid.runs))
         before = manifest_of(out)
-        stale = _drop_stale(grid, there, before, rows_folder, user)
+        traffic = _traffic_inputs(grid)
+        stale = _drop_stale(grid, there, before, traffic, rows_folder, user)
         done |= {key: row for key, row in there.items() if key not in stale and (row["succeeded"] or not retry_failed)}
-        _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done))
+        older = dict(before.get(CODE) or {}) if done else {}
+        _write_manifest(out, command, grid, runfolder.INTERRUPTED, len(done), traffic, older)
         if done and (changed := _changed(before, manifest_of(out))):
             user.warn(
                 f"the {len(done)} runs that {out} holds were made by another version of the software ({changed}); is "
@@ -147,7 +152,7 @@ def make_rows(
 
             execute(cells, keep)
         outcome = write_outcome(read_rows(rows_folder, (run.key for run in grid.runs)))
-        _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs))
+        _write_manifest(out, command, grid, runfolder.COMPLETE, len(grid.runs), traffic, older)
         return outcome
 
 
@@ -164,17 +169,50 @@ def _ends_in_one_line(what: str, done: Mapping[str, Row], runs: int) -> Iterator
         raise RunError(f"{what} can't continue ({in_words(error)}); {kept}; fix this, then {fix}") from error
 
 
-def _write_manifest(out: Path, command: str, grid: GridPlan, status: str, runs: int) -> None:
+def _traffic_inputs(grid: GridPlan) -> dict[str, dict[str, str]]:
+    """Return the SHA-256 of the files of each network or recording, by its name and theirs."""
+    configs = {_place(cell.config): cell.config for cell in grid.cells}
+    return {
+        place: {f"{place}: {name}": sha256_of(path) for name, path in input_files(config).items()}
+        for place, config in configs.items()
+    }
+
+
+def _of_both(older: str | None, now: str) -> str:
+    """Return the hash of code by which a folder's rows were made: of two where some are older."""
+    return now if older in (None, now) else older if older.endswith(now[:16]) else f"{older[:16]} and {now[:16]}"
+
+
+def _place(config: RunConfig) -> str:
+    return config.traffic.net if config.replay is None else Path(config.replay).name
+
+
+def _write_manifest(
+    out: Path,
+    command: str,
+    grid: GridPlan,
+    status: str,
+    runs: int,
+    traffic: Mapping[str, Mapping[str, str]],
+    older: Mapping[str, str],
+) -> None:
     code, inputs = provenance_of(distinct_trackers(grid))
+    code |= {name: _of_both(older.get(name), code[name]) for name in own_code()}
+    inputs = dict(ChainMap(inputs, *map(dict, traffic.values())))
     files = hashes_of(out) if status == runfolder.COMPLETE else {}
     seed = grid.cells[0].config.seed
     write_manifest(out / runfolder.MANIFEST, RunFacts(status, command, seed, runs, inputs, code=code, files=files))
 
 
 def _drop_stale(
-    grid: GridPlan, there: Mapping[str, Row], before: Mapping[str, Any], rows_folder: Path, user: Telling
+    grid: GridPlan,
+    there: Mapping[str, Row],
+    before: Mapping[str, Any],
+    traffic: Mapping[str, Mapping[str, str]],
+    rows_folder: Path,
+    user: Telling,
 ) -> set[str]:
-    """Remove the rows whose tracker's own module or model file is another now, say so, and return their keys."""
+    """Remove the rows whose tracker's module or model file, network or recording is another now; return their keys."""
     noted = dict(before.get(CODE) or {}) | dict(before.get(INPUTS) or {})
     stale: dict[str, set[str]] = {}
     for config in distinct_trackers(grid):
@@ -182,6 +220,11 @@ def _drop_stale(
             if noted.get(name, digest) != digest:
                 keys = {run.key for run in grid.runs if run.config.tracker == config.tracker and run.key in there}
                 stale.setdefault(name, set()).update(keys)
+    for place, now in traffic.items():
+        old = {name: digest for name, digest in noted.items() if name.startswith(f"{place}: ")}
+        if old and old != now:
+            keys = {run.key for run in grid.runs if _place(run.config) == place and run.key in there}
+            stale.setdefault(place, set()).update(keys)
     for name, keys in stale.items():
         user.warn(f"{name} has changed since {len(keys)} runs by it were made; they are made again")
     every = {key for keys in stale.values() for key in keys}

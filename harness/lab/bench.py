@@ -6,11 +6,8 @@ vehicles at the same density, none enters or leaves, and the work per vehicle st
 """
 
 import importlib.util
-import resource
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
@@ -60,7 +57,6 @@ class TimedTracker:
         ms: Wall times.
         cpu_ms: Processor times.
         stages_ms: Wall times of the tracker's stages.
-        peak_mb: Highest resident memory of the process while this tracker stepped, what the others hold included.
         tracks: Confirmed tracks after the last scan.
     """
 
@@ -71,20 +67,15 @@ class TimedTracker:
     ms: list[float] = field(default_factory=list)
     cpu_ms: list[float] = field(default_factory=list)
     stages_ms: dict[str, list[float]] = field(default_factory=dict)
-    peak_mb: float = 0.0
     tracks: int = 0
 
     def step(self, scan: Scan) -> None:
         """Take in a scan and note what it took."""
-        # From here on the kernel counts the peak anew; where it can't, the peak is that of the whole run.
-        with suppress(OSError):
-            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
         cpu_s, wall_s = process_time(), perf_counter()
         tracks = self.tracker.step(scan)
         wall_s, cpu_s = perf_counter() - wall_s, process_time() - cpu_s
         self.ms.append(1e3 * wall_s)
         self.cpu_ms.append(1e3 * cpu_s)
-        self.peak_mb = max(self.peak_mb, _peak_memory_mb())
         self.tracks = int((tracks.state != TENTATIVE).sum())
         if (report := report_of(self.tracker)) is not None:
             for stage, took_ms in report.stage_ms.items():
@@ -111,7 +102,6 @@ class TimedTracker:
             "ms_p50": percentile(self.ms, 50),
             "ms_p95": percentile(self.ms, 95),
             "cpu_ms_p50": percentile(self.cpu_ms, 50),
-            "peak_mb": self.peak_mb,
             "steps": counted,
             "tracks": self.tracks,
             "stages_ms_p50": {stage: percentile(took_ms, 50) for stage, took_ms in self.stages_ms.items()},
@@ -216,11 +206,3 @@ def _scan(
         std_speed_mps=unmeasured,
     )
     return Scan(step * STEP_S, found, ego)
-
-
-def _peak_memory_mb() -> float:
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-        return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024.0
-    except (OSError, StopIteration):
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

@@ -141,9 +141,11 @@ def write_kept_pages(folder: Path, quiet: bool) -> None:
     kept = {run.key for run in runs if (folder / KEPT / run.key / runfolder.MANIFEST).is_file()}
     with progress_bar("pages of the runs", len(kept), quiet) as advance:
         for cell in grid.cells if grid is not None else ():
+            first_is_new = not (folder / KEPT / cell.runs[0].key / PAGE).is_file()
             for run in (run for run in cell.runs if run.key in kept):
-                if not (folder / KEPT / run.key / PAGE).is_file():
+                if is_new := not (folder / KEPT / run.key / PAGE).is_file():
                     write_run_page(folder / KEPT / run.key)
+                if is_new or first_is_new:
                     _write_beside(folder, cell, run, kept)
                 advance()
 

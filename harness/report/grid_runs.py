@@ -28,7 +28,7 @@ from harness.report.page import PAGE
 from harness.scoring.metrics.quantity import Quantity
 from harness.storage import run_folder as runfolder
 from harness.storage.grid_folder import GRID, KEPT, RUNS, column_of
-from harness.storage.schema import DENSITY
+from harness.storage.schema import DENSITY, MODEL_FILE
 from mmpf.numerics.arrays import FloatArray
 
 BESIDE = runfolder.BESIDE
@@ -74,8 +74,12 @@ def runs_of(folder: Path) -> RunsOfGrid | None:
     shown = [quantity for key in SHOWN for quantity in compared_quantities() if quantity.key == key]
     values = np.stack([column_of(table, quantity.key) for quantity in shown], axis=-1)
     nets = list(dict.fromkeys(run.config.traffic.net for run in grid.runs))
+    files = table[MODEL_FILE].tolist() if MODEL_FILE in table else [None] * len(table)
     placed = sorted(
-        ((_tracker(run), _setting(run, len(nets) > 1), place, run) for place, run in enumerate(grid.runs)),
+        (
+            (_tracker(run, files[place]), _setting(run, len(nets) > 1), place, run)
+            for place, run in enumerate(grid.runs)
+        ),
         key=lambda each: (each[0], nets.index(each[3].config.traffic.net), _order(each[3]), each[1]),
     )
     listed = placed[:MOST_LISTED]
@@ -123,10 +127,12 @@ def _conclusion(folder: Path, placed: list[tuple[str, str, int, PlannedRun]], sc
     def decided(first: str, second: str) -> bool | None:
         a, b = sorted((first, second), key=in_order.index)
         try:
+            if not {a, b} <= set(open_source(str(folder), "folder").labels):
+                return None  # they differ in a setting that was varied, by which ``compare`` tells no trackers apart
             first_side, other_side = (open_source(f"{folder}@{label}", "folder") for label in (a, b))
             judged = compare(first_side, other_side).primary
         except (InputError, ValueError):
-            return None
+            return False
         compared.append((a, b))
         return any(each.metric == RANKED and each.verdict == (WORSE if a == first else BETTER) for each in judged)
 
@@ -182,10 +188,10 @@ def _ways(folder: Path, run: PlannedRun, first: PlannedRun | None) -> Iterator[M
         yield Markup("<a href='{}/{}'>beside {}</a>").format(place, BESIDE, _tracker(first))
 
 
-def _tracker(run: PlannedRun) -> str:
+def _tracker(run: PlannedRun, file: object = None) -> str:
     own = [f"{key}={value:g}" for key, value in run.varied.items() if key.startswith("tracker.")]
     model = None if "model=" in run.variant else run.config.tracker.model  # as ``compare`` calls it
-    return " ".join(word for word in (run.variant, model, *own) if word)
+    return " ".join(word for word in (run.variant, model, file if isinstance(file, str) else "", *own) if word)
 
 
 def _setting(run: PlannedRun, several_nets: bool) -> str:

@@ -11,9 +11,16 @@ from harness.common.effects import LEVEL
 from harness.common.intervals import clopper_pearson, garwood
 from harness.common.numbers import number
 from harness.report.html_tables import below, html_table
-from harness.report.summary_text import FEWEST_EVENTS, FEWEST_KM, FEWEST_SAMPLES, decided, driven
+from harness.report.summary_text import FEWEST_EVENTS, FEWEST_KM, FEWEST_SAMPLES, decided, driven, needed_brakings
 from harness.running.finished import RecordedRun
-from harness.scoring.evidence.rules import FOLLOW_CUTOFF_M, IN_SIGHT_DETECTIONS, IN_SIGHT_S, PLAIN_VIEW_M, PLAIN_VIEW_S
+from harness.scoring.evidence.rules import (
+    FOLLOW_CUTOFF_M,
+    IN_SIGHT_DETECTIONS,
+    IN_SIGHT_S,
+    PLAIN_VIEW_M,
+    PLAIN_VIEW_S,
+    TIME_TOLERANCE_S,
+)
 from harness.storage.tables import floats
 from mmpf.numerics.arrays import FloatArray, turned
 
@@ -127,7 +134,7 @@ def _brakings(run: RecordedRun) -> list[KeyFigure]:
     if not (decisions := decided(run.metrics)):
         return []
     missed, phantom, km = decisions["missed"], decisions["phantom"], decisions["km"]
-    needed = decisions["onsets"] + missed
+    needed = needed_brakings(decisions)
     interval, few = _share(missed, needed)
     least, most = np.multiply(phantom, garwood(phantom)) if phantom else (0.0, -np.log(0.5 * LEVEL))
     return [
@@ -156,7 +163,10 @@ def coasting_errors_m(run: RecordedRun) -> FloatArray:
     names = hidden["vehicle_id"].astype(object).to_numpy()
     steps = hidden["step"].to_numpy(dtype=np.int64)
     truth = run.truth.set_index([run.truth["step"], run.truth["vehicle_id"].astype(object)])[STATE]
-    begun = truth.reindex(pd.MultiIndex.from_arrays([steps - np.rint(since_s / run.step_s).astype(np.int64), names]))
+    # By its time: steps of a log need not be equally long.
+    clock = run.truth.drop_duplicates("step")
+    then = np.searchsorted(floats(clock, "time_s"), floats(hidden, "time_s") - since_s - TIME_TOLERANCE_S)
+    begun = truth.reindex(pd.MultiIndex.from_arrays([clock["step"].to_numpy(dtype=np.int64)[then], names]))
     now = truth.reindex(pd.MultiIndex.from_arrays([steps, names]))
     ahead, aside = (floats(begun, name) for name in ("speed_mps", "lat_speed_mps"))
     ahead, aside = turned(ahead, aside, -run.road.axis_of(floats(begun, "heading_rad")))

@@ -111,7 +111,7 @@ def decision_sentence(metrics: Metrics) -> str:
     """Return a sentence on missed and phantom brakings; empty where no driver was used."""
     if not (decisions := decided(metrics)):
         return ""
-    needed = decisions["onsets"] + decisions["missed"]
+    needed = needed_brakings(decisions)
     missed = (
         f"missed {out_of(str(decisions['missed']), needed)} necessary brakings" if needed else "had no need to brake"
     )
@@ -119,6 +119,11 @@ def decision_sentence(metrics: Metrics) -> str:
         f"On {driven(decisions['km'])}, a driver who relied on these tracks {missed}, and had "
         f"{_none(decisions['phantom'], 'phantom braking')}."
     )
+
+
+def needed_brakings(decisions: Metrics) -> int:
+    """Return how many times the driver had to brake; a braking is missed within such a time, or in one cut short."""
+    return int(max(decisions["onsets"], decisions["missed"]))
 
 
 def driven(km: float) -> str:

@@ -183,7 +183,9 @@ def evaluation_of(
     import_metrics(config)
     told = as_believed(snapshots, config)
     kept: dict[str, Keeper] = {**(keepers or {}), runfolder.UNSEEN: UnseenKeeper(told.road, told.sensor)}
-    driven = DriverSetup(driver_of(config.decisions.driver), snapshots.road)
+    driver, lanes = driver_of(config.decisions.driver), snapshots.road.graph
+    # A driver is told who is ahead in its lane, so none is asked where no lanes are known.
+    driven = DriverSetup(driver, snapshots.road) if not lanes or lanes.has_map else None
     return Evaluation(told, tracker_builder(config), config.seed, driven, kept, writer)
 
 

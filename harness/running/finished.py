@@ -177,5 +177,5 @@ def _last_step(truth: Path, most_rows: int) -> int | None:
 
 
 def labels() -> dict[str, str]:
-    """Return the label with unit of each shown number, by its key in ``metrics.json``."""
-    return {each.key: each.label for each in quantities()}
+    """Return labels with units of numbers in ``metrics.json``, by their keys; a count has none, only its rate has."""
+    return {each.key: each.label for each in quantities() if each.scale is None}

@@ -112,6 +112,9 @@ def score_logs(
             # Those that stand in for them say nothing of the tracker.
             metrics |= _unknown(metrics, ("crps", "ellipse90")) | {"calibration": _unknown(metrics["calibration"])}
             report += "; it does not tell all deviations, so calibration, CRPS and ellipses are null"
+        if "existence" not in rows or rows["existence"].isna().any():
+            # Nor does the certainty that stands in for it.
+            metrics |= {"existence_calibration": _unknown(metrics["existence_calibration"])}
         if by_rules := _by_nuscenes_rules(logs):
             metrics["nuscenes"] = by_rules
             report += "; by nuScenes' rules AMOTA is {amota:.3f} and AMOTP {amotp:.3f} m".format(**by_rules)

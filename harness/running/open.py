@@ -1,6 +1,6 @@
 """Opens what a configuration names: live or recorded snapshots, the tracker, and the map that trackers are given."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +8,11 @@ import numpy as np
 
 from harness.common.errors import InputError
 from harness.config.altered import AlteredSettings
+from harness.config.layers import config_from_table
 from harness.config.model import BeliefsConfig, RecordingConfig, RunConfig, TrafficConfig
 from harness.decisions.decide import driver_of
 from harness.running.follow import TrackerBuilder
-from harness.running.replay import read_snapshots, snapshots_of_bag
+from harness.running.replay import RECORDED, read_snapshots, snapshots_of_bag
 from harness.running.resolve import import_metrics
 from harness.running.snapshots import RandomStreams, SnapshotStream, observe_traffic
 from harness.sensor.altered import altered
@@ -66,7 +67,12 @@ def open_snapshots(config: RunConfig, simulate: Simulate = simulate, *, ahead: b
         simulated = _altered(_simulated(config, simulate), config)
         return simulated.made_ahead() if ahead else simulated
     path = Path(config.replay)
-    return _altered(read_snapshots(path, config) if runfolder.is_run_folder(path) else _recorded(path, config), config)
+    if not runfolder.is_run_folder(path):
+        return _altered(_recorded(path, config), config)
+    snapshots = read_snapshots(path, config)
+    # A run's detections are recorded as they were changed then.
+    before = config_from_table(runfolder.read_config_table(path, "replay")).altered
+    return snapshots if before == config.altered else _altered(snapshots, config)
 
 
 def _altered(snapshots: SnapshotStream, config: RunConfig) -> SnapshotStream:
@@ -105,7 +111,7 @@ def _recorded(path: Path, config: RunConfig) -> SnapshotStream:
     )
     return replace(
         observe_traffic(truth, sensor, config.seed),
-        files={f"replay/{file.name}": file for file in formats.files_of(path, recording.format)},
+        files=input_files(config),
         report=truth.report(),
         about={"recording": truth.summary()},
     )
@@ -119,7 +125,7 @@ def _given(path: Path, config: RunConfig, recording: RecordingConfig) -> Snapsho
     truth = open_drives(path, recording.format, drives, config.traffic.duration_s, recording.start_s, least_score)
     return replace(
         observe_traffic(truth, GivenDetections(settings, truth, formats.FORMATS[recording.format].scores), config.seed),
-        files={f"replay/{file.parent.name}/{file.name}": file for file in formats.files_of(path, recording.format)},
+        files=input_files(config),
         report=truth.report(),
         about={"recording": truth.summary()},
     )
@@ -140,10 +146,42 @@ def _simulated(config: RunConfig, simulate: Simulate) -> SnapshotStream:
     more = [f"and {len(network.unusual) - MOST_UNUSUAL} more"] * (len(network.unusual) > MOST_UNUSUAL)
     unusual = "; ".join([*network.unusual[:MOST_UNUSUAL], *more])
     told += [f"unusual in {network.name}: {unusual}"] * bool(network.unusual)
-    own = network.configuration or network.net_file.parent / "network.toml"
-    read = (file for file in (*network.files, network.calibration_file, own) if file is not None)
-    files = {f"network/{file.name}": file for file in read if file.is_file()}
+    files = _files_of_network(network)
     return replace(observe_traffic(truth, sensor, config.seed), files=files, report="; ".join(told))
+
+
+def _files_of_network(network: Network) -> dict[str, Path]:
+    own = network.configuration or network.net_file.parent / "network.toml"
+    read = dict.fromkeys(file for file in (*network.files, network.calibration_file, own) if file is not None)
+    return by_name("network", (file for file in read if file.is_file()))
+
+
+def input_files(config: RunConfig) -> dict[str, Path]:
+    """Return the files that decide a configuration's traffic and detections, as its snapshots name them.
+
+    Raises:
+        InputError: There is no such network, or its files are malformed.
+    """
+    if config.replay is None:
+        return _files_of_network(load_network(config.traffic.net))
+    path, recording = Path(config.replay), config.traffic.recording
+    if runfolder.is_run_folder(path) or recording is None:
+        return {f"replay/{name}": path / name for name in RECORDED if (path / name).is_file()}
+    if recording.format == formats.BAG:
+        return {f"replay/{path.name}": path}
+    files = formats.files_of(path, recording.format)
+    if formats.brings_detections(recording.format):
+        return {f"replay/{file.parent.name}/{file.name}": file for file in files}
+    return by_name("replay", files)
+
+
+def by_name(place: str, files: Iterable[Path]) -> dict[str, Path]:
+    """Return files by their names below a place; of two of one name the later ones are numbered."""
+    found: dict[str, Path] = {}
+    for file in files:
+        name = f"{place}/{file.name}"
+        found[name if name not in found else f"{name}-{len(found)}"] = file
+    return found
 
 
 def _sensor(config: RunConfig) -> Sensor:

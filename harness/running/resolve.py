@@ -113,6 +113,12 @@ def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
         if value != dict(leaves(part)).get(key):
             parameter = parameter_of(key) or key
             raise InputError(f"`{parameter}`: a replay takes traffic and sensor from the recording; leave it out")
+    if not asked.get("altered"):
+        part |= {"altered": recorded.get("altered", {})}
+    elif (now := config_from_table({"altered": asked["altered"]}).altered) != config.altered and (
+        now.hide_s and config.altered.hide_s
+    ):
+        raise InputError(f"`hide`: vehicles are hidden on purpose in {folder} already; leave `hide` out")
     return part | {"seed": asked.get("seed", recorded["seed"])}
 
 

@@ -290,7 +290,8 @@ def kept_metrics(
     snapshots = open_snapshots(config)
     snapshots.close()
     for noted, found in ((manifest.get(CODE) or {}, code), (manifest.get(INPUTS) or {}, snapshots.hashes() | models)):
-        differs += [f"{name} has changed" for name in found if noted.get(name) != found[name]]
+        names = dict.fromkeys((*noted, *found))  # a file that is gone decides no less than one that is new
+        differs += [f"{name} has changed" for name in names if noted.get(name) != found.get(name)]
     if differs:
         raise InputError(
             f"`resume`: the run in {out} is another one ({'; '.join(differs)}); choose another `out`, or replace it by "

@@ -239,7 +239,9 @@ def _remove_leftovers(parent: Path) -> None:
         if name is None or _lives(int(name.group(1))) or folder.is_symlink() or not folder.is_dir():
             continue
         if ".replaced-" in folder.name:
-            ownership.remove(folder)
+            final = folder.with_name(folder.name[1:].rpartition(".replaced-")[0])
+            # Killed between two renamings, the new run had not taken the old one's place yet.
+            ownership.remove(folder) if os.path.lexists(final) else folder.rename(final)
         elif is_run_folder(folder) or ownership.kind_of(folder) is not None or not any(folder.iterdir()):
             shutil.rmtree(folder, ignore_errors=True)
 

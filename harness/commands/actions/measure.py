@@ -54,7 +54,7 @@ def _table(result: Mapping[str, Any]) -> str:
         for row in result["rows"]:
             # In one column, which every part of a table that is wider than the screen begins with.
             name = {"tracker, vehicles": f"{row['tracker']} {row['model'] or ''}".strip() + f", {row['vehicles']}"}
-            shown = {key: row[key] for key in ("ms_p50", "ms_p95", "cpu_ms_p50", "peak_mb", "tracks")}
+            shown = {key: row[key] for key in ("ms_p50", "ms_p95", "cpu_ms_p50", "tracks")}
             rows.append(name | shown | {stage: row["stages_ms_p50"].get(stage) for stage in stages})
     headings = [key.replace("_", " ") for key in rows[0]]
     table = markdown_table(headings, [[*map(cell, row.values())] for row in rows])

@@ -24,7 +24,7 @@ from harness.lab.fidelity.candidate import (
 from harness.lab.fidelity.fields import read_fields
 from harness.lab.fidelity.measured import MEASURED_COMMENT, MeasuredSite, measure, measure_vehicles, read_measured
 from harness.lab.fidelity.samples import VehicleStatistics, merged
-from harness.lab.fidelity.simulate import RunJob, simulate_all
+from harness.lab.fidelity.simulate import RunJob, simulate_all, within
 from harness.lab.fidelity.statistics import PeriodStatistics, period_statistics
 from harness.truth.network.network import Network, load_network
 
@@ -112,9 +112,7 @@ def _simulate(
     """Return the figures of each demand and of all vehicles; schedules are compressed to the duration."""
     duration_s, jobs = 60.0 * options["minutes"], []
     for name in names:
-        demand, compression = network.demand_files[name], duration_s / site.periods[name].duration_s
-        schedule = tuple((from_s * compression, density, waves) for from_s, density, waves in demand.schedule)
-        shortened = network.with_demand(name, demand.model_copy(update={"schedule": schedule}))
+        shortened = within(network, name, site.periods[name].duration_s, duration_s)
         jobs += [RunJob(shortened, name, duration_s, seed) for seed in seeds]
     made = simulate_all(jobs, options["workers"], on_run)
     fields = iter([each for each, _ in made])

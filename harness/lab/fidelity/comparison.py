@@ -19,7 +19,7 @@ from harness.config.lists import names, seed_values
 from harness.lab.fidelity.fields import CELL_M, Fields, read_fields
 from harness.lab.fidelity.measured import MeasuredPeriod, MeasuredSite, measure, read_measured
 from harness.lab.fidelity.samples import UNITS, BehaviourSamples, merged, recorded_samples, recording_files
-from harness.lab.fidelity.simulate import RunJob, SimulatedRun, simulate_all
+from harness.lab.fidelity.simulate import RunJob, SimulatedRun, simulate_all, within
 from harness.lab.fidelity.statistics import period_statistics, targets
 from harness.truth.network.network import Network, load_network
 from mmpf.numerics.arrays import FloatArray
@@ -47,7 +47,9 @@ def judge_traffic(options: Mapping[str, Any]) -> dict[str, Any]:
     demands, seeds = _asked_demands(site, network, options), list(seed_values(options["seeds"]))
     files = recording_files(options["recordings"] or ())
     recorded = recorded_samples(files, network.name) if files else None
-    jobs = [RunJob(network, demand, duration_s, seed) for demand in demands for seed in seeds]
+    # All of a period in whatever time there is: else other stretches of it would be held against the measured ones.
+    scaled = {demand: within(network, demand, site.periods[demand].duration_s, duration_s) for demand in demands}
+    jobs = [RunJob(scaled[demand], demand, duration_s, seed) for demand in demands for seed in seeds]
     with progress_bar("fidelity", len(jobs), options["quiet"], before="fidelity: the first simulations") as advance:
         runs = simulate_all(jobs, options["workers"], advance)
     of_demand = {demand: runs[k * len(seeds) : (k + 1) * len(seeds)] for k, demand in enumerate(demands)}

@@ -15,6 +15,13 @@ SimulatedRun = tuple[Fields, BehaviourSamples]
 """The fields of a simulated run, and samples of what its vehicles did."""
 
 
+def within(network: Network, demand: str, measured_s: float, duration_s: float) -> Network:
+    """Return a network whose demand goes through the schedule of a measured period in another time."""
+    known, share = network.demand_files[demand], duration_s / measured_s
+    schedule = tuple((from_s * share, density, waves) for from_s, density, waves in known.schedule)
+    return network.with_demand(demand, known.model_copy(update={"schedule": schedule}))
+
+
 @dataclass(frozen=True)
 class RunJob:
     """A run to be made, without an ego."""

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from harness.common.bootstrap import independent_ci
 from harness.common.charts import Charts, curves, draw_charts
 from harness.common.files import save_figure
+from harness.common.intervals import clustered_ci
+from harness.common.numbers import without_nan
 from harness.lab.study.study import StudyResult
 from harness.truth.frame import STEP_S
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
@@ -90,7 +91,11 @@ def error_charts(result: StudyResult, occlusion: str) -> Charts:
         tooltip = (("series", "model"), ("place", "time, s"), ("mean", title))
         charts.append(curves(title, f"{title}, over time, by model", "time, s", rows, lines, tooltip))
     cases = next(iter(result.scores.values())).crps_m.shape[1]
-    return Charts(tuple(charts), lines, f"Means of {cases} cases; 95 % intervals of {', '.join(SHOWN[result.study])}.")
+    return Charts(
+        tuple(charts),
+        lines,
+        f"Means of {cases} cases; 95 % intervals, over recordings, of {', '.join(SHOWN[result.study])}.",
+    )
 
 
 def _draw_particles(axis: Axes, cloud: FloatArray, true: FloatArray) -> None:
@@ -111,8 +116,9 @@ def _reference(result: StudyResult, row: int) -> FloatArray:
 
 
 def _errors(result: StudyResult, occlusion: str, model: str, quantity: str) -> Iterator[dict[str, Any]]:
-    error = result.scores[occlusion, model].abs_error[quantity]
+    scores = result.scores[occlusion, model]
+    error = scores.abs_error[quantity]
     for step in np.unique(np.append(np.arange(0, len(error), ERRORS_EVERY), len(error) - 1)):
         shown = model in SHOWN[result.study]  # bands of all models would hide each other
-        band = asdict(independent_ci(error[step], np.random.default_rng(0))) if shown else {"low": None, "high": None}
+        band = without_nan(asdict(clustered_ci(error[step], scores.traffic))) if shown else {"low": None, "high": None}
         yield {"series": model, "place": float((step + 1) * STEP_S), "mean": float(error[step].mean())} | band

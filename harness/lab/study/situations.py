@@ -1,7 +1,6 @@
 """The study by situation: how far off each model is after some seconds unseen, in simulated or recorded traffic."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from harness.lab.windows.recording import Recording
 from harness.truth.frame import STEP_S
 from harness.truth.network.network import Network
 from mmpf.map.road import Road
-from mmpf.numerics.arrays import joined, taken
+from mmpf.numerics.arrays import taken
 
 SITUATIONS = "situations"
 CHANGING = "changing lanes"
@@ -82,8 +81,8 @@ def recorded_parts(folder: Path) -> list[Part]:
 
 def situations_of(plan: StudyPlan, parts: Sequence[Part], steps: int) -> dict[str, Cases]:
     """Return cases by situation, at most ``plan.cases`` of each, without situations of fewer than two."""
-    windows = recording.joined_apart([following_windows(*part, steps) for part in parts], "vehicle")
-    changes = reduce(joined, [lane_change_windows(*part) for part in parts])
+    windows = recording.joined_apart([following_windows(*part, steps) for part in parts], "vehicle", "traffic")
+    changes = recording.joined_apart([lane_change_windows(*part) for part in parts], "traffic")
     rng = np.random.default_rng([plan.seed, 0])
     situations = {
         name: following_cases(taken(windows, chosen), plan.cases, rng, led_only=False)

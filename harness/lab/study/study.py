@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.common.bootstrap import independent_ci
 from harness.common.errors import InputError
+from harness.common.intervals import clustered_ci
+from harness.common.numbers import without_nan
 from harness.lab.windows.car_following import load_following
 from harness.lab.windows.cases import Cases, following_cases, lane_change_cases
 from harness.lab.windows.changing import load_changes
@@ -196,7 +197,6 @@ def _rows(study: str, occlusion: str, model: str, scores: Scores) -> list[dict[s
 
 def score_row(scores: Scores, steps: int | slice, horizon_s: float | None) -> dict[str, Any]:
     """Return the numbers of one horizon, or of the mean over several steps, counted from the first after the start."""
-    rng = np.random.default_rng(0)
 
     def by_case(values: FloatArray) -> FloatArray:
         return np.asarray(np.atleast_2d(values[steps]).mean(axis=0))
@@ -205,7 +205,8 @@ def score_row(scores: Scores, steps: int | slice, horizon_s: float | None) -> di
     for name in QUANTITIES:
         errors = by_case(scores.abs_error[name])
         row[name] = float(errors.mean())
-        row[f"{name}_ci95"] = list(astuple(independent_ci(errors, rng)))
+        # Vehicles of one recording drive together: the recordings are the independent samples.
+        row[f"{name}_ci95"] = without_nan(astuple(clustered_ci(errors, scores.traffic)))
     for name in ("lon_m", "speed_mps"):
         row[f"coverage95_{name}"] = float(scores.covered[name][steps].mean())
         row[f"spread_{name}"] = float(scores.spread[name][steps].mean())

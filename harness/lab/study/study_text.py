@@ -70,4 +70,4 @@ def _tables(rows: Sequence[Row], lateral: bool) -> list[list[str]]:
 def error_cell(row: Row, quantity: str) -> str:
     """Return a row's mean error with its interval."""
     low, high = row[f"{quantity}_ci95"]
-    return f"{row[quantity]:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{row[quantity]:.2f}" if low is None else f"{row[quantity]:.2f} [{low:.2f}, {high:.2f}]"

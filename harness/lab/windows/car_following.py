@@ -33,6 +33,7 @@ class CarFollowing:
         lane_width_m: Width of its lane, shape (windows,).
         vehicle: A number that windows of the same vehicle share, shape (windows,).
         after_cut_in: Whether the window begins with a new leader, nearer than the last, shape (windows,).
+        traffic: A number that windows of the same recording share, shape (windows,).
     """
 
     lon_m: FloatArray
@@ -45,6 +46,7 @@ class CarFollowing:
     leader: NeighbourStates
     vehicle: IntArray
     after_cut_in: BoolArray
+    traffic: IntArray
 
     def __len__(self) -> int:
         return len(self.length_m)
@@ -106,12 +108,15 @@ def following_windows(recording: Recording, road: Road, steps: int) -> CarFollow
         leader=others,
         vehicle=vehicle[start],
         after_cut_in=new_leader[start],
+        traffic=np.zeros(len(start), dtype=np.int64),
     )
 
 
 def load_following(paths: Sequence[Path], road: Road) -> CarFollowing:
     """Cut recordings that lie in files into windows of 10 s."""
-    return joined_apart([following_windows(recording, road, STEPS) for recording in load_all(paths)], "vehicle")
+    return joined_apart(
+        [following_windows(recording, road, STEPS) for recording in load_all(paths)], "vehicle", "traffic"
+    )
 
 
 def _unchanged(column: IntArray) -> BoolArray:

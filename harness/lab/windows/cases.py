@@ -12,7 +12,7 @@ from harness.lab.windows.changing import LaneChanges
 from harness.lab.windows.neighbours import NeighbourStates
 from mmpf.motion.protocol import Neighbour, Surroundings
 from mmpf.motion.state import ACCEL, LAT, LAT_SPEED, LON, SPEED, STATE_SIZE
-from mmpf.numerics.arrays import FloatArray, taken
+from mmpf.numerics.arrays import FloatArray, IntArray, taken
 
 LookAround = Callable[[FloatArray, int, bool], Surroundings]
 
@@ -25,10 +25,12 @@ class Cases:
         truth: States as in ``mmpf.motion.state``, shape (steps, 6, m).
         surroundings: Given particle states of shape (6, m * p), a step and whether the vehicles count as unseen,
             returns what the particles know. It takes traffic from truth: the studies test the models alone.
+        traffic: A number that vehicles of the same recording share, shape (m,).
     """
 
     truth: FloatArray
     surroundings: LookAround
+    traffic: IntArray
 
     @property
     def steps(self) -> int:
@@ -54,13 +56,15 @@ def cases_of(windows: CarFollowing) -> Cases:
     truth[:, LON], truth[:, LAT] = windows.lon_m.T, windows.offset_m.T
     truth[:, SPEED], truth[:, LAT_SPEED] = windows.speed_mps.T, windows.lat_speed_mps.T
     truth[:, ACCEL] = windows.accel_mps2.T
-    return Cases(truth, partial(_behind_leaders, windows))
+    return Cases(truth, partial(_behind_leaders, windows), windows.traffic)
 
 
 def lane_change_cases(changes: LaneChanges, count: int, rng: np.random.Generator) -> Cases:
     """Choose windows around lane changes; lateral positions count from the original lane, positive to the target."""
     chosen = taken(changes, np.sort(rng.permutation(len(changes))[:count]))
-    return Cases(np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen))
+    return Cases(
+        np.ascontiguousarray(chosen.state.transpose(2, 0, 1)), partial(_around_a_change, chosen), chosen.traffic
+    )
 
 
 def _around_a_change(changes: LaneChanges, state: FloatArray, step: int, hidden: bool) -> Surroundings:

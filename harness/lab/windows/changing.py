@@ -2,17 +2,16 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from pathlib import Path
 
 import numpy as np
 
 from harness.lab.windows.neighbours import NeighbourStates, lane_lines, nearest_row, others_at
-from harness.lab.windows.recording import Recording, load_all
+from harness.lab.windows.recording import Recording, joined_apart, load_all
 from harness.truth.frame import STEP_S
 from mmpf.map.road import NO_LANE, Road
 from mmpf.motion.state import ACCEL, LAT, LAT_ACCEL, LAT_SPEED, LON, SPEED, STATE_SIZE
-from mmpf.numerics.arrays import FloatArray, IntArray, joined
+from mmpf.numerics.arrays import FloatArray, IntArray
 
 HALF_WINDOW_S = 5.0
 
@@ -24,6 +23,7 @@ class LaneChanges:
     Attributes:
         states: States as in ``mmpf.motion.state``, shape (windows, 6, steps).
         lane_width_m: Mean width of original and target lane, shape (windows,).
+        traffic: A number that windows of the same recording share, shape (windows,).
     """
 
     states: FloatArray
@@ -32,6 +32,7 @@ class LaneChanges:
     leader: NeighbourStates
     follower: NeighbourStates
     target_leader: NeighbourStates
+    traffic: IntArray
 
     def __len__(self) -> int:
         return len(self.length_m)
@@ -66,12 +67,13 @@ def lane_change_windows(recording: Recording, road: Road) -> LaneChanges:
         leader=others_at(recording, nearest_row(recording, step, on_original, lon, ahead=True)),
         follower=others_at(recording, nearest_row(recording, step, on_target, lon, ahead=False)),
         target_leader=others_at(recording, nearest_row(recording, step, on_target, lon, ahead=True)),
+        traffic=np.zeros(len(rows), dtype=np.int64),
     )
 
 
 def load_changes(paths: Sequence[Path], road: Road) -> LaneChanges:
     """Cut recordings that lie in files into windows around lane changes."""
-    return reduce(joined, (lane_change_windows(recording, road) for recording in load_all(paths)))
+    return joined_apart([lane_change_windows(recording, road) for recording in load_all(paths)], "traffic")
 
 
 def changes_to_one_side_per_s(recordings: Iterable[Recording]) -> float:

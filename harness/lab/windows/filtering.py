@@ -16,7 +16,7 @@ from mmpf.belief.moments import effective_sizes
 from mmpf.belief.resampling import resample_smoothly
 from mmpf.motion.protocol import MotionModel
 from mmpf.motion.state import LAT, LAT_SPEED, LON, SPEED
-from mmpf.numerics.arrays import FloatArray
+from mmpf.numerics.arrays import FloatArray, IntArray
 from mmpf.options.joint import JointResampling
 
 MEASURED = [LON, LAT, SPEED]
@@ -93,12 +93,14 @@ class Scores:
         abs_error: Absolute error of the particles' mean by quantity, each of shape (steps - 1, m).
         covered: Whether the 95 % particle interval holds the truth, by quantity, each of shape (steps - 1, m).
         crps_m: Continuous ranked probability score of the longitudinal position, shape (steps - 1, m).
+        traffic: A number that cases of the same recording share, shape (m,).
     """
 
     abs_error: dict[str, FloatArray]
     covered: dict[str, npt.NDArray[np.bool_]]
     spread: dict[str, FloatArray]
     crps_m: FloatArray
+    traffic: IntArray
 
 
 def score(clouds: Iterable[Cloud], cases: Cases) -> Scores:
@@ -118,7 +120,7 @@ def score(clouds: Iterable[Cloud], cases: Cases) -> Scores:
             up_to = (cloud.weight * (values <= true[:, None])).sum(axis=1)
             covered[name][cloud.step - 1] = (up_to >= INTERVAL[0]) & (below <= INTERVAL[1])
         crps[cloud.step - 1] = weighted_crps(cloud.state[LON], cloud.weight, cases.truth[cloud.step, LON])
-    return Scores(error, covered, spread, crps)
+    return Scores(error, covered, spread, crps, cases.traffic)
 
 
 def weighted_crps(values: FloatArray, weight: FloatArray, true: FloatArray) -> FloatArray:

@@ -3,9 +3,11 @@
 Seeds serve training, tuning or reporting: no seed serves two purposes.
 """
 
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from harness.common.files import replacing
+from harness.running.provenance import own_code
 from harness.truth.frame import TruthSource
 from harness.truth.network.network import Network
 from harness.truth.recorded.traffic import RecordedTraffic
@@ -93,12 +96,13 @@ def load_all(paths: Sequence[Path]) -> Iterator[Recording]:
     return (load_recording(path) for path in paths)
 
 
-def joined_apart(parts: Sequence[Rows], identity: str) -> Rows:
-    """Return several structs of arrays as one; what a column of numbers tells apart in each stays apart."""
-    numbers = [getattr(part, identity) for part in parts]
-    first = np.cumsum([0, *[int(own.max(initial=-1)) + 1 for own in numbers[:-1]]])
-    apart = (replace(part, **{identity: own + n}) for part, own, n in zip(parts, numbers, first, strict=True))
-    return reduce(joined, apart)
+def joined_apart(parts: Sequence[Rows], *identities: str) -> Rows:
+    """Return several structs of arrays as one; what columns of numbers tell apart in each stays apart."""
+    for identity in identities:
+        numbers = [getattr(part, identity) for part in parts]
+        first = np.cumsum([0, *[int(own.max(initial=-1)) + 1 for own in numbers[:-1]]])
+        parts = [replace(part, **{identity: own + n}) for part, own, n in zip(parts, numbers, first, strict=True)]
+    return reduce(joined, parts)
 
 
 def first_to_last(seeds: range) -> str:
@@ -109,6 +113,14 @@ def first_to_last(seeds: range) -> str:
 def traffic_version(network: Network) -> str:
     """Return the name of a network's present traffic: it changes with the road, the vehicle types and the drivers."""
     return f"{network.name}-{network.fingerprint()}"
+
+
+def cache_of(network: Network) -> str:
+    """Return the name of the folder for a network's recorded traffic: it changes with all that decides the traffic."""
+    about = network.net_file.parent / "network.toml"
+    section = about.read_text(encoding="utf-8") if about.is_file() else ""
+    decides = chr(0).join((section, version("libsumo"), own_code()["harness/truth"]))
+    return f"{traffic_version(network)}-{hashlib.sha256(decides.encode()).hexdigest()[:8]}"
 
 
 def record_traffic(
@@ -123,7 +135,7 @@ def record_traffic(
 
     They lie in ``cache``, or the usual folder, in a folder that differs for other networks and drivers.
     """
-    folder = (cache or Path("results") / "cache" / "traffic") / traffic_version(network)
+    folder = (cache or Path("results") / "cache" / "traffic") / cache_of(network)
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(density, seed) for seed in seeds for density in densities]
     paths = [folder / f"density{density:g}-seed{seed}-{duration_s:g}s.npz" for density, seed in wanted]

@@ -92,6 +92,9 @@ def test_a_case_tells_the_tracker_the_metric_and_the_numbers_in_valid_xml():
     assert told.startswith("HOTA in sight, %: worse: 80.00 to 78.00, difference -2.00 (-2.5 %), 95 % interval -3.25 to")
     assert undecided.find("skipped").get("message").endswith("too few to tell; about 7 more needed")
     assert whole.find("failure") is None
+    lost = verdict("mae.hidden.lon_m", UNDECIDED, primary=False, wanting="b lacks 3 of the 10 values that a has")
+    *_, whole = ElementTree.fromstring(as_junit(comparison(verdict(), lost))).iter("testcase")
+    assert "b lacks 3 of the 10 values" in whole.find("skipped").get("message")
 
 
 def test_links_of_a_summary_lead_to_where_the_pages_are_and_nowhere_without_an_address():
@@ -119,6 +122,7 @@ def test_a_gate_file_names_metrics_with_tolerances_floors_and_ceilings(tmp_path,
     assert with_gate("tolerance = 0.1", "--tolerance", "0.02") == exit_codes.WORSE
     assert with_gate('[metrics."mot.hota"]\ntolerance = 0.1\nfloor = 70.0') == exit_codes.DONE
     assert with_gate('[metrics."mot.hota"]\ntolerance = 0.1\nfloor = 79.0') == exit_codes.WORSE
+    assert with_gate('[metrics."mot.hota"]\nfloor = 79.0', "--primary", "mot.idf1") == exit_codes.WORSE
     assert with_gate('[metrics."mot.idf1"]') == exit_codes.DONE
     assert with_gate('[metrics."mot.idf1"]\nceiling = 60') == exit_codes.WORSE
     for wrong, told in (
@@ -126,7 +130,7 @@ def test_a_gate_file_names_metrics_with_tolerances_floors_and_ceilings(tmp_path,
         ("floors = 3", "unknown key"),
         ('[metrics."mot.hota"]\ntolerance = 5', "0 to 1"), ('[metrics."mot.hota"]\nfloor = 600', "from 0 to 100"),
         ('[metrics."mot.hota"]\nfloor = 60\nceiling = 50', "above it"),
-        ('[metrics."mot.x"]', "(your own: --primary MODULE:mot.x)"),
+        ('[metrics."mot.x"]', "(your own: --primary MODULE:mot.x, and its key alone in a gate file)"),
         ('[metrics."mot.hota"]\nfloor = nan', "finite"), ("a = ", "TOML"),
     ):  # fmt: skip
         capsys.readouterr()

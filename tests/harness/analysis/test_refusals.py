@@ -223,7 +223,7 @@ RUN = {"net": "us101", "density": None, "demand": "light", "seed": 3, "tracker":
 
 def test_brakes_a_kilometre_are_all_brakes_over_all_kilometres_of_a_side():
     keys = [quantity.key for quantity in compared_quantities(DRIVEN, closed_loop=True)]
-    brakes, km = np.array([[0.0, 3.0, 1.0, 2.0], [4.0, 1.0, 0.0, 2.0]]), np.array([[1.0, 2, 3, 4], [2.0, 2, 5, 1]])
+    brakes, km = np.array([[2.0, 5.0, 6.0, 8.0], [5.0, 4.0, 9.0, 3.0]]), np.array([[1.0, 2, 3, 4], [2.0, 2, 5, 1]])
     sides = [
         source(name, rows(**dict.fromkeys(keys, 1.0)).assign(**{HARD_BRAKES: brakes[k] / km[k], KM: km[k]}))
         for k, name in enumerate("ab")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from harness.common.intervals import Possible, clopper_pearson, garwood, possible_ci
+from harness.common.intervals import Possible, clopper_pearson, clustered_ci, garwood, possible_ci
 
 SHARE, RATE, ERROR = Possible(0.0, 100.0), Possible(events=1.0), Possible()
 
@@ -79,3 +79,9 @@ def test_intervals_of_rates_cover_what_they_say(seeds, rate, overdispersed):
         mean = rng.gamma(mean / (overdispersed - 1.0), overdispersed - 1.0)
     found = [possible_ci(row, np.full(seeds, km), RATE) for row in rng.poisson(mean).astype(float)]
     assert np.mean([one.low <= rate <= one.high for one in found]) >= 0.93
+
+
+def test_of_clusters_of_equal_size_the_interval_is_students_of_their_means():
+    found = clustered_ci(np.array([9.0, 1.0, 7.0, 5.0, 3.0, 11.0]), np.array([7, 2, 4, 4, 2, 7]))
+    half = 4.302653 * 4.0 / np.sqrt(3.0)  # Student's quantile of two degrees; the means are 2, 6 and 10
+    assert (found.low, found.high) == pytest.approx((max(6.0 - half, 0.0), 6.0 + half))

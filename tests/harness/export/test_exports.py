@@ -257,6 +257,8 @@ def test_an_osi_reader_finds_vehicles_detections_and_tracks(bent):
     speed = (row["speed_mps"], row["lat_speed_mps"])
     assert held.base.velocity.x == pytest.approx(speed[0] * np.cos(turn) - speed[1] * np.sin(turn), abs=1e-6)
     assert held.base.velocity.y == pytest.approx(speed[0] * np.sin(turn) + speed[1] * np.cos(turn), abs=1e-6)
+    spread = np.hypot(row["std_lon_m"] * np.cos(turn), row["std_lat_m"] * np.sin(turn))
+    assert held.base_rmse.position.x == pytest.approx(spread, abs=1e-6)
     assert held.header.MeasurementState.Name(held.header.measurement_state) == "MEASUREMENT_STATE_PREDICTED"
     (seen,) = detections[step].moving_object
     measured = run.detections[run.detections["step"] == step].iloc[0]

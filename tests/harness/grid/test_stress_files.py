@@ -24,6 +24,7 @@ from harness.storage import ownership
 from tests.harness.full_disk import disk_full_from, moments
 from tests.harness.grid.executors import MadeUp
 
+ROOT = Path(__file__).parents[3]
 REQUEST = GridRequest(densities="20,40", seeds="2", trackers="mmpf,detections", models="cvm", duration_s=2.0)
 
 
@@ -173,6 +174,18 @@ def test_only_the_runs_of_a_tracker_whose_module_changed_are_made_again_and_that
     assert said[2:] == ["8 runs are kept, 0 are made"]
 
 
+def test_runs_on_a_network_that_was_edited_are_made_again_and_that_is_said(tmp_path):
+    net = shutil.copytree(ROOT / "networks" / "us101", tmp_path / "net")
+    request, out, said, again = replace(REQUEST, net=str(net)), tmp_path / "out", [], MadeUp()
+    run_stress(request, out, MadeUp())
+    run_stress(request, out, MadeUp(), resume=True, user=telling(said))
+    (net / "network.toml").write_text((net / "network.toml").read_text() + "# edited\n")
+    run_stress(request, out, again, resume=True, user=telling(said))
+    assert len(again.cells) == 4
+    assert said[0] == "8 runs are kept, 0 are made"
+    assert said[1] == f"warned {net} has changed since 8 runs by it were made; they are made again"
+
+
 def test_a_fitted_model_is_part_of_a_runs_label_and_of_what_is_made_again(tmp_path):
     file = tmp_path / "keeping.npz"
     shutil.copyfile(next(Path(mmpf.__path__[0]).rglob("lane_keeping.npz")), file)
@@ -182,7 +195,7 @@ def test_a_fitted_model_is_part_of_a_runs_label_and_of_what_is_made_again(tmp_pa
     (label,) = set(labelled(pd.read_parquet(out / "runs.parquet"))["label"])
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     assert label == f"mmpf gmm keeping.npz {digest[:8]}"
-    assert json.loads((out / "manifest.json").read_text())["inputs_sha256"] == {str(file): digest}
+    assert json.loads((out / "manifest.json").read_text())["inputs_sha256"][str(file)] == digest
     file.write_bytes(file.read_bytes() + b" ")
     run_stress(request, out, again, resume=True, user=telling(said))
     assert len(again.cells) == 4

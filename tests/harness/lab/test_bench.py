@@ -68,6 +68,6 @@ def test_the_command_prints_the_documented_keys_and_the_filter_follows_every_veh
     words = ["bench", "--vehicles", "5,30", "--trackers", "mmpf:cvm", "--particles", "50", "--steps", "40", "--json"]
     assert run_command_line([*words, "--out", str(tmp_path / "bench")]) == 0
     result = json.loads(capsys.readouterr().out)
-    keys = {"tracker", "model", "vehicles", "particles", "ms_p50", "ms_p95", "peak_mb"}
+    keys = {"tracker", "model", "vehicles", "particles", "ms_p50", "ms_p95"}
     assert [row["vehicles"] for row in result["rows"]] == [row["tracks"] for row in result["rows"]] == [5, 30]
     assert all(keys <= set(row) for row in result["rows"])

@@ -226,7 +226,7 @@ def test_a_broken_table_of_brakings_is_refused_in_one_line(driven, change):
 def test_the_summary_is_told_without_what_was_not_measured(driven):
     metrics = json.loads((driven / runfolder.METRICS).read_text())
     metrics["decisions"] |= {"missed": 1, "phantom": 0, "lateness_s": 0.4, "onsets": 3}
-    assert "missed 1 of 4 necessary brakings, and had no phantom brakings" in decision_summary(metrics)
+    assert "missed 1 of 3 necessary brakings, and had no phantom brakings" in decision_summary(metrics)
     assert "In 3 cases in which it had to brake, it would have begun 0.4 s late" in decision_summary(metrics)
     metrics["decisions"] |= {"lateness_s": None, "onsets": 0}
     assert "late" not in decision_summary(metrics)

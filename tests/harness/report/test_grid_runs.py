@@ -15,6 +15,7 @@ from harness.report.comparison_page import write_kept_pages
 from harness.report.folder_page import write_page
 from harness.report.grid_runs import BESIDE
 from harness.running.resolve import resolve_run_config
+from harness.storage.manifest import RunFacts, write_manifest
 from tests.harness.recorded_scene import write_recorded_scene
 
 
@@ -109,6 +110,14 @@ def test_the_headline_claims_a_lead_only_where_the_verdict_below_does(grid, lead
     table.to_parquet(folder / "runs.parquet")
     said = f"In HOTA in sight, {claim}mmpf residual is ahead of stonesoup-jpda: by {lead:.1f} percentage points"
     assert said in write_page(folder).read_text(encoding="utf-8")
+
+
+def test_of_edited_runs_the_headline_claims_nothing_and_the_page_says_why_there_are_no_verdicts(grid):
+    folder, _ = grid
+    write_manifest(folder / "manifest.json", RunFacts("complete", "", 0, 4, {}, files={"runs.parquet": 64 * "0"}))
+    page = write_page(folder).read_text(encoding="utf-8")
+    assert "There are no verdicts on these runs, since they can't be compared: " in page
+    assert "is ahead of" not in page.replace("it is undecided whether mmpf residual is ahead of", "")
 
 
 def test_the_verdict_of_the_headline_has_its_table_where_the_first_tracker_is_not_among_the_two(grid):

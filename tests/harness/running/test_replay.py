@@ -1,14 +1,20 @@
 """Snapshots read from a run's folder."""
 
 import json
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
+from harness.common.errors import InputError
+from harness.running.evaluate import evaluation_of
+from harness.running.open import open_snapshots
 from harness.running.replay import read_snapshots
 from harness.running.resolve import resolve_run_config
 from harness.running.snapshots import SnapshotStream
 from harness.storage import run_folder as runfolder
+from mmpf.map.graph_road import LaneGraphRoad
+from mmpf.map.lane_graph import without_map
 from tests.harness.recorded_scene import STEP_S, STEPS, write_recorded_scene
 
 
@@ -54,3 +60,24 @@ def test_a_step_in_which_nothing_was_detected_is_a_snapshot_without_detections(r
     counts = [len(snapshot.observation.scan.detections) for snapshot in read(recorded)]
     assert counts[7] == 0
     assert min(counts[:7] + counts[8:]) > 0
+
+
+def test_what_was_done_to_the_detections_of_a_run_is_known_of_its_replay_and_not_done_again(recorded):
+    config = recorded / runfolder.CONFIG
+    config.write_text(config.read_text() + "\n[altered]\nhide_s = [1.0]\nkept_probability = 0.01\n")
+    replayed = resolve_run_config(options={"replay": str(recorded)})
+    assert (replayed.altered.hide_s, replayed.altered.kept_probability) == ((1.0,), 0.01)
+    counts = [
+        [len(each.observation.scan.detections) for each in of] for of in (read(recorded), open_snapshots(replayed))
+    ]
+    assert counts[0] == counts[1]
+    assert sum(counts[0]) > 0
+    assert resolve_run_config(options={"replay": str(recorded)}, settings=["altered.ego_std_m=1"]).altered.hide_s == ()
+    with pytest.raises(InputError, match=r"`hide`: vehicles are hidden on purpose in .*run already; leave `hide` out"):
+        resolve_run_config(options={"replay": str(recorded), "hide": "2"})
+
+
+def test_where_no_lanes_are_known_no_driver_is_asked_who_is_in_its_lane(recorded):
+    config, snapshots = resolve_run_config(recorded / runfolder.CONFIG), read(recorded)
+    assert evaluation_of(config, snapshots).driven is not None
+    assert evaluation_of(config, replace(snapshots, road=LaneGraphRoad(graph=without_map()))).driven is None

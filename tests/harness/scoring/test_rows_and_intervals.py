@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from harness.common.bootstrap import Interval, cluster_bootstrap, group_sums, independent_ci
+from harness.common.bootstrap import cluster_bootstrap, group_sums
 from harness.common.intervals import ANY, possible_ci
 from harness.scoring.evidence.rows import _codes, _origins, read_run
 from harness.scoring.evidence.rules import GATE_LAT_M, GATE_LON_M
@@ -112,13 +112,6 @@ def test_intervals_by_resampling_are_the_quantiles_of_means_of_groups_drawn_with
     usual = cluster_bootstrap(sums, counts, np.random.default_rng(4))[0]
     drawn = np.random.default_rng(4).multinomial(3, np.full(3, 1 / 3), size=1000)
     assert usual.low == pytest.approx(np.quantile((drawn @ sums[:, 0]) / (drawn @ counts[:, 0]), 0.025))
-
-
-def test_the_interval_of_independent_values_is_that_of_their_resampled_means():
-    values = np.array([1.0, 4.0, 9.0])
-    means = np.random.default_rng(2).choice(values, (1000, 3)).mean(axis=1)
-    low, high = np.quantile(means, (0.025, 0.975))
-    assert independent_ci(values, np.random.default_rng(2)) == Interval(low, high)
 
 
 def test_students_interval_of_a_ratio_by_hand():

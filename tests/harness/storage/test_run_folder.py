@@ -51,6 +51,15 @@ def test_only_what_surely_is_a_dead_runs_folder_is_removed(tmp_path):
     assert {entry.name for entry in tmp_path.iterdir()} == set(kept)
 
 
+def test_a_run_that_was_being_replaced_when_the_command_was_killed_is_there_again(tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    (moved := tmp_path / f".x.replaced-{gone.pid}@{platform.node()}").mkdir()
+    (moved / runfolder.CONFIG).write_text("mine")
+    runfolder.open_folder(tmp_path / "new", "x", force=False).discard()
+    assert (tmp_path / "x" / runfolder.CONFIG).read_text() == "mine"
+
+
 def test_default_names_never_collide(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = [runfolder.open_folder(None, "a-run", force=False).finish().name for _ in range(3)]

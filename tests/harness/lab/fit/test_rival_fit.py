@@ -31,5 +31,5 @@ def test_drivers_that_deviate_so_far_are_found_to(size_mps2, lasts_s):
     for step in range(100):
         after, latents = model.propagate(truth[-1], latents, behind(truth[-1], step, True), STEP_S, rng)
         truth.append(after)
-    found = with_deviation(TREIBER_2000, PLAIN, Cases(np.stack(truth), behind))
+    found = with_deviation(TREIBER_2000, PLAIN, Cases(np.stack(truth), behind, np.arange(COUNT)))
     assert found.deviation_mps2 * np.sqrt(found.deviation_s) == pytest.approx(size_mps2 * np.sqrt(lasts_s), rel=0.35)

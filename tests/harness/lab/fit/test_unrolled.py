@@ -28,7 +28,7 @@ def windows(count, rng, gap_m=20.0, pull=0.0):
     leader_lon = gap_m + 5.0 + 12.0 * time_s + nothing
     follower = lon, nothing, speed, nothing, accel, lengths, lengths
     leader = NeighbourStates(leader_lon, leader_speed, nothing, nothing + 5.0)
-    return CarFollowing(*follower, leader, np.arange(count), np.zeros(count, dtype=np.bool_))
+    return CarFollowing(*follower, leader, np.arange(count), np.zeros(count, dtype=np.bool_), np.arange(count))
 
 
 def test_the_gradient_through_a_rollout_is_that_of_differences():

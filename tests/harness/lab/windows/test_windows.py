@@ -8,12 +8,12 @@ from harness.lab.windows.changing import changes_to_one_side_per_s, lane_change_
 from harness.lab.windows.neighbours import NOBODY, clear_gap_m, nearest_row
 from harness.lab.windows.recording import (
     Recording,
+    cache_of,
     joined_apart,
     load_recording,
     record_traffic,
     recording_of,
     save_recording,
-    traffic_version,
 )
 from harness.truth.network.network import load_network
 from harness.truth.recorded.source import open_recorded_traffic
@@ -158,7 +158,7 @@ def test_an_interrupted_recording_goes_on_where_it_stopped(tmp_path, monkeypatch
 
     monkeypatch.setattr("harness.lab.windows.recording.open_traffic", open_traffic)
     network = load_network("us101")
-    (folder := tmp_path / traffic_version(network)).mkdir()
+    (folder := tmp_path / cache_of(network)).mkdir()
     for seed in (1000, 1001):
         save_recording(traffic((0.0, 10.0, steady(2.0)), steps=2), folder / f"density20-seed{seed}-10s.npz")
     with pytest.raises(KeyboardInterrupt):
