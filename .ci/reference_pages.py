@@ -24,6 +24,7 @@ from harness.commands.settings_table import all_settings, default_text
 from harness.common.exit_codes import MEANINGS
 from harness.common.markdown import markdown_table
 from harness.scoring.gathered import Evidence
+from harness.scoring.metrics.quantity import Quantity
 from harness.scoring.metrics.registry import METRICS, completed
 from harness.storage.schema import SCHEMA_VERSION, TABLES, VERSION_KEY, Column, Table
 
@@ -119,7 +120,7 @@ def metrics_page() -> str:
     for name, metric in METRICS.in_order().items():
         score = getattr(metric.score, "total", metric.score)
         keys = [f"`{key}`" for key in _keys(name, empty.get(name, {}))]
-        rows = [(f"`{each.key}`", _cell(each.label), each.better) for each in metric.quantities]
+        rows = [(f"`{each.key}`", _cell(_meaning(each)), each.better) for each in metric.quantities]
         shown = markdown_table(("key", "shown as", "better is"), rows) if rows else []
         parts = [f"## {name}", _explained(inspect.getdoc(score) or ""), "\n".join(shown), _listed(keys)]
         sections.append("\n\n".join(part for part in parts if part))
@@ -208,6 +209,11 @@ def exit_codes_page() -> str:
             "\n".join(markdown_table(("code", "meaning"), rows)),
         ]
     )
+
+
+def _meaning(quantity: Quantity) -> str:
+    counted = "" if quantity.scale is None else f"; the key holds the count, shown over `{quantity.weight}`"
+    return quantity.label + counted
 
 
 def _cell(text: str) -> str:

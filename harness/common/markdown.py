@@ -15,7 +15,7 @@ from harness.common.streams import without_controls
 
 INTERVAL = re.compile(r"([-+\d.,]+(?: %)?) (\[[-+\d., ]+\])")
 """A value with its interval, which goes on a line of its own in a narrow column."""
-WIDEST_NAME = 32
+WIDEST_NAME, MOST_NAMES = 32, 3
 PagePart = str | Sequence[str]
 """A part of a page: a text, or the lines of a list or table."""
 
@@ -59,11 +59,13 @@ def show_markdown(text: str, on_stderr: bool = False) -> None:
 
 
 def _tables(lines: Sequence[str], width: int) -> Iterator[Table]:
-    """Yield a Markdown table as as many tables side by side as the width needs; each begins with the first column."""
+    """Yield a Markdown table as as many tables as the width needs; each begins with what tells the rows apart."""
     rows = [[_cell(cell) for cell in line.strip("| ").split(" | ")] for line in lines if not line.startswith("| ---")]
-    names, *columns = list(zip(*rows, strict=True))
-    name_width = min(max(map(_width, names)), WIDEST_NAME)
-    room = width - name_width - 3
+    columns = list(zip(*rows, strict=True))
+    first = next((n for n in range(1, MOST_NAMES + 1) if len(set(zip(*columns[:n], strict=True))) == len(rows)), 1)
+    names, columns = columns[:first], columns[first:]
+    name_widths = [min(max(map(_width, column)), WIDEST_NAME) for column in names]
+    room = width - sum(name_widths) - 2 * first - 1
     while columns:
         taken, used = 0, 0
         while taken < len(columns) and (used + _column_width(columns[taken]) <= room or not taken):
@@ -71,13 +73,14 @@ def _tables(lines: Sequence[str], width: int) -> Iterator[Table]:
             taken += 1
         part, columns = columns[:taken], columns[taken:]
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-        table.add_column(names[0], overflow="fold", width=name_width)
+        for column, name_width in zip(names, name_widths, strict=True):
+            table.add_column(column[0], overflow="fold", width=name_width)
         for heading, *cells in part:
             is_text = any(cell[:1].isalpha() for cell in cells)
             table.add_column(
                 heading, justify="left" if is_text else "right", width=_column_width((heading, *cells)) - 2
             )
-        for row in list(zip(names, *part, strict=True))[1:]:
+        for row in list(zip(*names, *part, strict=True))[1:]:
             table.add_row(*row)
         yield table
 

@@ -120,9 +120,9 @@ def print_networks(networks: Sequence[NetworkDescription]) -> None:
 
 def _table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     table = Table(title=title, box=box.SIMPLE, title_justify="left", padding=(0, 1, 0, 0))
-    table.add_column(headings[0], no_wrap=True)
+    table.add_column(headings[0])
     for heading in headings[1:]:
-        table.add_column(heading, justify="left" if heading == "better" else "right")
+        table.add_column(heading, justify="left" if heading == "better" else "right", no_wrap=True)
     for row in rows:
         table.add_row(*row)
     return table

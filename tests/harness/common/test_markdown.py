@@ -37,3 +37,13 @@ def test_a_wide_table_is_split_to_fit_80_columns_with_every_name_and_number_whol
         assert f"-{k}2.85" in shown
         assert f"[-{k}1.25, +{k}4.46]" in shown
     assert shown.count("hard brakes") > 1
+
+
+def test_each_part_of_a_wide_table_begins_with_all_that_tells_its_rows_apart(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    rows = [[name, world, *4 * ["1.25 [1.00, 1.50]"]] for name in ("mmpf", "pmbm") for world in ("as is", "dark")]
+    show_markdown(
+        "\n".join(markdown_table(["tracker", "world", *(f"score{k}" for k in range(4))], rows)), on_stderr=True
+    )
+    shown = capsys.readouterr().err
+    assert shown.count("dark") == 2 * shown.count("tracker") > 2
