@@ -80,7 +80,7 @@ class Judgement:
         """Why nothing may be concluded, a sentence each; empty where something may be."""
         lacking: dict[str, list[str]] = {}
         for verdict in self.verdicts:
-            if verdict.wanting not in ("", TOO_FEW):
+            if verdict.wanting not in ("", TOO_FEW) and (verdict.primary or not self.rules.are_chosen):
                 lacking.setdefault(f"{verdict.label}: {verdict.wanting}", []).append(name_of(verdict.metric))
         of_metrics = [f"{why} ({_some(names)})." for why, names in lacking.items()]
         unsure = [each for each in self.verdicts if each.verdict == UNDECIDED and each.wanting in ("", TOO_FEW)]

@@ -92,9 +92,14 @@ class Rules:
         """Return whether a metric gets a verdict."""
         return quantity.key in (*self.primary, STEP_TIME.key)
 
+    @property
+    def are_chosen(self) -> bool:
+        """Whether somebody chose which metrics are judged."""
+        return self.primary not in (PRIMARY, closedloop.PRIMARY)
+
     def names(self, metric: str) -> bool:
         """Return whether somebody chose a metric to be judged."""
-        return metric in (self.primary if self.primary not in (PRIMARY, closedloop.PRIMARY) else self.limits)
+        return metric in (self.primary if self.are_chosen else self.limits)
 
     def margin(self, quantity: Quantity, a: float) -> float:
         """Return by how much b may be worse."""

@@ -159,7 +159,7 @@ def _verdict(measured: MetricDifference, rules: Rules, p: float, tests: int, unk
             word = BETTER
         elif not wanting and worst <= margin:
             word = NO_WORSE
-    elif wanting:
+    elif wanting and not rules.are_chosen:
         word = UNDECIDED
     more = effect.units_to_decide(margin, tests, worsening) if word == UNDECIDED and wanting in ("", TOO_FEW) else None
     low, high = np.clip(effect.ci95, *_possible(measured)) if np.isfinite(measured.a) else effect.ci95

@@ -230,10 +230,10 @@ def test_what_is_wanting_leaves_anything_undecided_but_what_is_worse_all_the_sam
     lost = {"wanting": "b lacks 3"}
     assert word(-9.0, 0.1, **lost) == word(0.0, 0.1, **lost) == UNDECIDED
     assert word(9.0, 0.1, **lost) == WORSE
-    found = judge([measured(9.0, 0.1, quantity=Quantity("else", "else"), **lost), measured(0.0, 0.1)], RULES)
-    assert [(each.verdict, each.wanting, each.more_units) for each in found] == [
-        (UNDECIDED, "b lacks 3", None), (NO_WORSE, "", None),
-    ]  # fmt: skip
+    described = measured(9.0, 0.1, quantity=Quantity("else", "else"), **lost)
+    assert [(each.verdict, each.wanting) for each in judge([described], Rules())] == [(UNDECIDED, "b lacks 3")]
+    found = judge([described, measured(0.0, 0.1)], RULES)
+    assert [each.verdict for each in found] == [UNTESTED, NO_WORSE], "of chosen metrics only they decide"
     nothing = {"pairs": 0, "a": NAN}
     assert word(NAN, NAN, **nothing) == UNTESTED
     assert word(NAN, NAN, **nothing, **lost) == UNDECIDED
