@@ -25,7 +25,7 @@ class Limits(NamedTuple):
 
 
 LIMITS = {"harness": Limits(20, 10, 108), "mmpf": Limits(16, 8, 63), "harness.scoring": Limits(6, 6, 14)}
-MOST_LINES = {("harness", "mmpf"): 61_215, ("tests",): 37_200}
+MOST_LINES = {("harness", "mmpf"): 61_240, ("tests",): 37_230}
 MOST_LATE_IMPORTS = 47
 MOST_SHARED_NAMES = 0
 MOST_FILES_ASKING_FOR_KIND = 3

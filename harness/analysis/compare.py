@@ -230,7 +230,7 @@ def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
     known = {quantity.key: quantity for quantity in compared_quantities(closed_loop=closed_loop)}
     for key in rules.primary:
         if key not in known:
-            told = nearest(str(key), list(known), "docs/reference/metrics.md lists them")
+            told = nearest(str(key), list(known), "`compare A B --json` lists those that are")
             option = "gate" if key in rules.limits else "primary"
             own = f" (your own: `primary` {'' if ':' in key else 'MODULE:'}{key}, and its key alone in a gate file)"
             raise InputError(f"`{option}` {key}: no such metric is compared{own}{told}")

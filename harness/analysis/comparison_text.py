@@ -29,7 +29,9 @@ def conclusion(comparison: Judgement) -> str:
     outcome, judged = comparison.outcome, comparison.primary
     counts = {word: sum(verdict.verdict == word for verdict in judged) for word in (WORSE, UNDECIDED, NO_WORSE, BETTER)}
     told = [f"{count} {word}" for word, count in counts.items() if count or not judged]
-    found = f"Verdicts: {', '.join(told)}."
+    unknown = sum(verdict.primary and verdict.verdict == UNTESTED for verdict in comparison.verdicts)
+    of_none = f"; judged but without a value on either side: {unknown}" if unknown else ""
+    found = f"Verdicts: {', '.join(told)}{of_none}."
     if outcome == WORSE:
         worse = ", ".join(
             f"{name_of(verdict.metric)}{f' ({verdict.breach})' if verdict.breach else _percent(verdict)}"

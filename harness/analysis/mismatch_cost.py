@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from harness.analysis.leading import common_runs, lead
+from harness.analysis.verdicts import FEWEST_TOLD
 from harness.common.effects import Effect
 from harness.common.intervals import Possible, possible_ci
 from harness.common.markdown import PagePart, markdown_page, markdown_table
@@ -100,7 +101,8 @@ def costs(table: pd.DataFrame) -> list[Cost]:
         usual = rows[rows[MISMATCH] == AS_IS].set_index(RUN)[HOTA]
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
             here = some.set_index(RUN).reindex(columns=[*SCORES.values()]).astype(float)
-            loss = lead(pd.DataFrame({"usual": usual.reindex(here.index), "here": here[HOTA]}).dropna())
+            pairs = pd.DataFrame({"usual": usual.reindex(here.index), "here": here[HOTA]}).dropna()
+            loss = lead(pairs)
             hota = here[HOTA].dropna().groupby("unit").agg(["sum", "count"]).to_numpy(dtype=np.float64)
             interval = possible_ci(hota[:, 0], hota[:, 1], Possible(most=100.0))
             found.append(
@@ -109,7 +111,7 @@ def costs(table: pd.DataFrame) -> list[Cost]:
                     model=str(model),
                     mismatch=str(mismatch),
                     hota_loss=loss.difference,
-                    hota_loss_ci95=_interval(loss),
+                    hota_loss_ci95=_interval(loss, pairs["usual"].mean()),
                     runs=len(some),
                     hota_ci95=(interval.low, interval.high),
                     **dict(zip(SCORES, here.mean(), strict=True)),
@@ -133,7 +135,8 @@ def leads(table: pd.DataFrame) -> list[Lead]:
                 best = str(others.mean().idxmax())
                 pairs = values[[first, best]].dropna()
                 ahead = lead(pairs)
-                found.append(Lead(str(mismatch), score, first, best, ahead.difference, _interval(ahead), len(pairs)))
+                interval = _interval(ahead, pairs[first].mean())
+                found.append(Lead(str(mismatch), score, first, best, ahead.difference, interval, len(pairs)))
     return found
 
 
@@ -193,8 +196,12 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
     return markdown_page(parts)
 
 
-def _interval(effect: Effect) -> tuple[float, float]:
-    return effect.ci95 if effect.se > 0.0 else (NAN, NAN)
+def _interval(effect: Effect, percent: float) -> tuple[float, float]:
+    """Return what another percentage may be less than this one; nan where few units tell of more than is possible."""
+    (low, high), (least, most) = effect.ci95, (percent - 100.0, percent)
+    if effect.se <= 0.0 or (effect.units < FEWEST_TOLD and (low < least or high > most)):
+        return NAN, NAN
+    return max(low, least), min(high, most)
 
 
 def _points(value: float, ends: tuple[float, float]) -> str:

@@ -83,7 +83,8 @@ def open_source(text: str, parameter: str) -> Source:
     if not len(rows) and lost:
         raise InputError(f"`{parameter}`: all {lost} runs of {label!r} in {folder} failed; its table.md says why")
     if not len(rows):
-        raise InputError(f"`{parameter}`: {folder} has no tracker {label!r}; choose one of {', '.join(source.labels)}")
+        known = ", ".join(source.labels) or "none, since all its runs failed"
+        raise InputError(f"`{parameter}`: {folder} has no tracker {label!r}; choose one of {known}")
     return replace(source, rows=rows, failed=lost, failed_labels=(label,) * lost)
 
 

@@ -138,7 +138,7 @@ def _unknown(measured: MetricDifference, changed: Collection[tuple[str, bool]]) 
         return TOO_FEW
     fewest = FEWEST_EQUAL if measured.effect.difference == 0.0 else FEWEST_SHIFTED
     if measured.effect.se == 0.0 and measured.effect.units < fewest:
-        return f"all differences are equal, and fewer than {fewest} do not tell their scatter"
+        return f"all differences are equal, and fewer than {fewest} independent ones do not tell their scatter"
     return ""
 
 

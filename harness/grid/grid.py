@@ -172,11 +172,14 @@ def _variants(request: GridRequest) -> list[_Variant]:
         if label in (variant.label for variant in variants):
             raise InputError(f"`trackers` {text}: another tracker is called {label} too; choose another name")
         variants += [_Variant(label, tracker, name, full, model) for model in (models if crossed else (None,))]
-    takers = {"models": any(one.model for one in variants), "particles": any(one.takes_settings for one in variants)}
+    takers = {
+        "models": any(one.model for one in variants),
+        "particles": any(one.name == DEFAULT_TRACKER for one in variants),
+    }
     for name, taken in takers.items():
         if getattr(request, name) is not None and not taken:
             raise InputError(f"`{name}`: only mmpf takes them here; for example `trackers` mmpf, `models` gmm,cvm")
-    for name in () if takers["particles"] else ("settings", "vary"):
+    for name in () if any(one.takes_settings for one in variants) else ("settings", "vary"):
         for key in (word.partition("=")[0].strip() for word in getattr(request, name)):
             if key.startswith("tracker.") and not key.startswith(BELIEFS):
                 own = f"{variants[0].tracker}+{key.removeprefix('tracker.').removeprefix('options.')}=VALUE"
@@ -267,7 +270,7 @@ def _config(
         "sensor": request.sensor,
         "tracker": variant.name,
         "model": variant.model,
-        "particles": request.particles if variant.takes_settings else None,
+        "particles": request.particles if variant.name == DEFAULT_TRACKER else None,
         "seed": seed,
     }
     # Others than the tracker's own concern every tracker, not only those that take the grid's.

@@ -234,6 +234,8 @@ def on_clock(rows: pd.DataFrame, clock: pd.DataFrame, role: str) -> pd.DataFrame
     """
     step_s, steps = _step_of(clock), clock.sort_values("own").rename(columns={"time_s": "at_s"})
     rows = rows.drop(columns=["step", "own", "at_s"], errors="ignore").astype({"time_s": np.float64})
+    if "episode" in rows and rows["episode"].nunique() == 1 < clock["episode"].nunique() and clock["own"].is_unique:
+        rows = rows.drop(columns="episode")  # one file of several episodes: its times tell them
     near = pd.merge_asof(
         rows.sort_values("time_s", kind="stable"),
         steps.astype({"own": np.float64}),

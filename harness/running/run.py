@@ -285,7 +285,8 @@ def kept_metrics(
     tables = runfolder.read_config_table(out, "out"), written_table(config)
     before, now = (dict(leaves(config_from_table(table).model_dump(mode="json"))) for table in tables)
     keys = [key for key in dict.fromkeys((*before, *now)) if before.get(key) != now.get(key)]
-    differs = [f"{key} {before.get(key)} there, {now.get(key)} now" for key in keys]
+    differs = ["the tracks there are a log's"] * bool(manifest.get("is_log"))
+    differs += [f"{key} {before.get(key)} there, {now.get(key)} now" for key in keys]
     code, models = provenance_of([config])
     snapshots = open_snapshots(config)
     snapshots.close()

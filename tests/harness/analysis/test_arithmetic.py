@@ -219,7 +219,7 @@ def test_the_level_is_shared_by_all_that_are_tested_and_by_nothing_else():
 def test_equal_differences_tell_their_scatter_only_where_there_are_enough(difference, units, unknown):
     (verdict,) = judge([measured(difference, 0.0, units)], RULES)
     fewest = 8 if difference == 0.0 else 3
-    told = f"all differences are equal, and fewer than {fewest} do not tell their scatter"
+    told = f"all differences are equal, and fewer than {fewest} independent ones do not tell their scatter"
     assert verdict.wanting == (told if unknown else "")
     assert (verdict.verdict == UNDECIDED) == unknown
     assert np.isnan(verdict.ci95).all() == unknown

@@ -71,7 +71,7 @@ def test_a_tracker_without_runs_at_the_hard_density_is_not_the_best_of_the_other
 def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world():
     hota = {
         "first": {AS_IS: (90.0, 80.0), "posts": (70.0, 60.0)},
-        "second": {AS_IS: (80.0, 76.0), "posts": (75.0, 69.0)},
+        "second": {AS_IS: (82.5, 73.5), "posts": (75.0, 69.0)},
         "third": {AS_IS: (85.0, 70.0), "posts": (60.0, 60.0)},
     }
     rows = [
@@ -84,11 +84,13 @@ def test_the_first_tracker_is_held_against_the_best_of_the_others_in_each_world(
     usual, posts, in_view, _ = leads(pd.DataFrame(rows))
     assert (usual.mismatch, usual.first, usual.best_other, usual.runs) == (AS_IS, "first", "second", 2)
     assert (usual.ahead, posts.ahead, posts.best_other) == (7.0, -7.0, "second")
-    # Differences of 10 and 4: 12.706 standard errors of 3 to either side.
-    assert usual.ahead_ci95 == pytest.approx((7.0 - 12.706 * 3.0, 7.0 + 12.706 * 3.0), abs=1e-2)
+    # Differences of 7.5 and 6.5: 12.706 standard errors of 0.5 to either side.
+    assert usual.ahead_ci95 == pytest.approx((7.0 - 12.706 * 0.5, 7.0 + 12.706 * 0.5), abs=1e-2)
+    scattered = [row | ({"mot.hota": 20.0} if row["variant"] == "second" and row["seed"] else {}) for row in rows]
+    assert np.isnan(leads(pd.DataFrame(scattered))[0].ahead_ci95).all(), "two seeds would tell of a HOTA above 100"
     assert (in_view.score, in_view.best_other, in_view.ahead) == ("worst tenth", "third", -7.5)
     page = costs_markdown(costs(pd.DataFrame(rows)), [], [usual])
-    assert "| as is | HOTA | first | second | 7.0 [-31.1, 45.1] | 2 |" in page
+    assert "| as is | HOTA | first | second | 7.0 [0.6, 13.4] | 2 |" in page
     assert leads(pd.DataFrame(rows[:4])) == []
     assert {lead.mismatch for lead in leads(pd.DataFrame(rows[:2] + rows[4:]))} == {AS_IS}  # the first has no "posts"
 

@@ -19,6 +19,7 @@ from harness.commands.app import run_command_line
 from harness.common import exit_codes
 from harness.grid.grid import GridRequest
 from harness.grid.stress import run_stress
+from harness.running.complete import on_clock
 from harness.running.open import open_snapshots
 from harness.storage import run_folder as runfolder
 from harness.truth.recorded.logs import LogFile
@@ -43,6 +44,16 @@ def boxes(step: int, off_m: float = 0.0) -> list[Box]:
     return [
         (name, kind, ahead + off_m, left, length, width) for name, (kind, ahead, left, length, width) in BODIES.items()
     ]
+
+
+def test_rows_of_one_file_belong_to_the_episodes_that_their_times_tell():
+    clock = pd.DataFrame({"step": range(6), "episode": [0, 0, 0, 1, 1, 1], "time_s": 0.1 * np.arange(6)})
+    rows = pd.DataFrame({"time_s": clock["time_s"], "id": 7, "episode": 0})
+    placed = on_clock(rows, clock.assign(own=clock["time_s"]), "tracks")
+    assert placed["step"].tolist() == list(range(6))
+    assert placed["episode"].tolist() == clock["episode"].tolist()
+    begins_anew = clock.assign(own=[0.0, 0.1, 0.2, 0.0, 0.1, 0.2])  # as in a folder with a file for each episode
+    assert on_clock(rows.iloc[:3], begins_anew, "tracks")["step"].tolist() == [0, 1, 2]
 
 
 def write_csv(folder: Path, role: str, off_m: float) -> tuple[Path, list[str]]:

@@ -163,6 +163,9 @@ def test_a_resumed_run_keeps_a_finished_one_that_is_the_same_and_refuses_another
         (out / "manifest.json").write_text(json.dumps(manifest | {"code_sha256": code}))
         with pytest.raises(InputError, match=told):
             run_on(untouched, configured(), out, resume=True)
+    (out / "manifest.json").write_text(json.dumps(manifest | {"is_log": True}))
+    with pytest.raises(InputError, match="the tracks there are a log's"):
+        run_on(untouched, configured(), out, resume=True)
     del manifest["steps"]
     (out / "manifest.json").write_text(json.dumps(manifest))
     assert run_on(untouched, configured(), out, resume=True).metrics == made.metrics
