@@ -232,7 +232,8 @@ def _rules_for(closed_loop: bool, rules: Rules) -> Rules:
         if key not in known:
             told = nearest(str(key), list(known), "`compare A B --json` lists those that are")
             option = "gate" if key in rules.limits else "primary"
-            own = f" (your own: `primary` {'' if ':' in str(key) else 'MODULE:'}{key}, and its key alone in a gate file)"
+            place = "" if ":" in str(key) else "MODULE:"
+            own = f" (your own: `primary` {place}{key}, and its key alone in a gate file)"
             raise InputError(f"`{option}` {key}: no such metric is compared{own}{told}")
         rules.limit(known[key]).check(known[key])
     return rules
