@@ -160,7 +160,9 @@ def _lines(metrics: Mapping[str, Any], is_log: bool) -> Text:
         f"{number(timing['tracker_ms']['p50'], 1)} ms a step (median)"
     )
     plain, driver = _plain_view(metrics.get("in_plain_view") or {}), decision_sentence(metrics)
-    events = _occlusions(metrics["occlusion"])
+    events, windows = _occlusions(metrics["occlusion"]), metrics.get("pseudo_occlusion") or {}
+    if windows and not windows["all"]["windows"]:
+        events += "\nNo vehicle moved in view long enough to be hidden on purpose"
     lines = (plain, events, driver, "What scores mean: docs/explanation/scores.md", road, "" if is_log else speed)
     return Text("\n".join(line for line in lines if line))
 

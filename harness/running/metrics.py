@@ -35,15 +35,10 @@ def timing_table(
         "sensor_ms": _percentiles(sensor_ms, 50),
         "truth_ms": _percentiles(truth_ms, 50),
         "total_s": total_s,
-        "stages": stage_timing(stages_ms or {}),
-    }
-
-
-def stage_timing(stages_ms: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float | None]]:
-    """Return percentiles of each stage's time under keys without blanks: ``prior update`` becomes ``prior_update``."""
-    return {
-        stage.replace(",", "").replace(" ", "_"): _percentiles(np.array(took_ms), 50, 95, 99)
-        for stage, took_ms in stages_ms.items()
+        "stages": {
+            stage.replace(",", "").replace(" ", "_"): _percentiles(np.array(took_ms), 50, 95, 99)
+            for stage, took_ms in (stages_ms or {}).items()
+        },
     }
 
 

@@ -93,5 +93,7 @@ def test_brakings_stand_at_the_top_with_exact_intervals_and_only_where_a_driver_
 )
 def test_occlusions_are_told_in_a_sentence_also_without_any(run, tmp_path, events, words, capsys):
     counts = {"events": events, "survived": events, "same_id": events, "lost": 0, "hijacked": 0}
-    print_summary(run.metrics | {"occlusion": counts}, tmp_path)
-    assert words in capsys.readouterr().err
+    print_summary(run.metrics | {"occlusion": counts, "pseudo_occlusion": {"all": {"windows": events}}}, tmp_path)
+    told = capsys.readouterr().err
+    assert words in told
+    assert ("hidden on purpose" in told) == (events == 0)
