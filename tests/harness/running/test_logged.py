@@ -35,7 +35,7 @@ STEPS, STEP_S, SPEED_MPS = 30, 0.1, 10.0
 Box = tuple[int, str, float, float, float, float]
 BODIES = {1: ("Truck", 15.0, 0.0, 9.0, 2.6), 2: ("Car", 30.0, 0.0, 4.0, 1.6), 3: ("Car", 20.0, 3.5, 4.4, 1.8)}
 """Kind, place before the ego, to its left, length and width: a truck, a car that it hides, and a car beside."""
-SCORE_WRITES = 18
+SCORE_WRITES = 16
 """How many files scoring writes: ledger, settings, road, tables, metrics, manifest, page, ledger again."""
 EGO_BOX: Box = (9, "Car", 0.0, 0.0, 4.8, 1.8)
 
