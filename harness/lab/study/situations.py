@@ -31,7 +31,7 @@ RECORDED = ("commonroad/*.xml", "ngsim/*.csv")
 """Where files of recorded traffic lie in their folder."""
 ABOUT = (
     "Nothing is measured after the start. Mean absolute error of the position along the road, m, with its 95 % "
-    "interval; then the share of cases in which the particles' 95 % interval contains the truth."
+    "interval over recordings; then the share of cases in which the particles' 95 % interval contains the truth."
 )
 MODELS = ("residual", "recurrent", "gmm", "empirical", "idm-adaptive", "cvm")
 

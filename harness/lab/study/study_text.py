@@ -11,6 +11,7 @@ from harness.lab.study.study import StudyResult
 Row = Mapping[str, Any]
 DECIMALS = 5
 QUANTITIES = {"lon_m": "position, m", "speed_mps": "speed, m/s"}
+INTERVALS = "In brackets: 95 % intervals of mean errors over recordings, one for each density and seed of the traffic."
 LATERAL_QUANTITIES = {"lat_m": "lateral position, m", "lat_speed_mps": "lateral speed, m/s"}
 
 
@@ -21,7 +22,7 @@ def as_json(rows: Sequence[Row], setting: Mapping[str, Any]) -> dict[str, Any]:
 
 def as_markdown(result: StudyResult, setting: Mapping[str, Any]) -> str:
     """Return the tables as Markdown."""
-    parts: list[PagePart] = [f"# Study: {result.study}"]
+    parts: list[PagePart] = [f"# Study: {result.study}", INTERVALS]
     for occlusion in result.occlusions():
         rows = [row for row in result.rows if row["occlusion"] == occlusion]
         parts += [f"## {occlusion.capitalize()} occlusion", sentence(rows)]
