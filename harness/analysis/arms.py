@@ -89,9 +89,10 @@ def lost_values(a: BoolArray, b: BoolArray, paired: bool, tolerated: float = 0.0
     # Of arms of different sizes shares are compared: what b would have if it lacked as few as a.
     whole = int(a.sum()) if paired else int(len(b) * float(a.mean()) + 1e-9 if len(a) else 0)
     lost = int((a & ~b).sum()) if paired else max(0, whole - int(b.sum()))
+    if lost > tolerated * whole and whole != a.sum():
+        return f"b has {int(b.sum())} of {len(b)} values, a {int(a.sum())} of {len(a)}"
     if lost > tolerated * whole:
-        whose = "a has" if whole == a.sum() else "it would have as often as a"
-        return f"b lacks {lost} of the {whole} values that {whose}"
+        return f"b lacks {lost} of the {whole} values that a has"
     more = int((b & ~a).sum()) if paired and not tolerated else 0
     return f"a lacks {more} of the {int(b.sum())} values that b has" if more else ""
 

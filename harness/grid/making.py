@@ -226,7 +226,7 @@ def _drop_stale(
             keys = {run.key for run in grid.runs if _place(run.config) == place and run.key in there}
             stale.setdefault(place, set()).update(keys)
     for name, keys in stale.items():
-        user.warn(f"{name} has changed since {len(keys)} runs by it were made; they are made again")
+        user.warn(f"{name} has changed since {len(keys)} runs with it were made; they are made again")
     every = {key for keys in stale.values() for key in keys}
     for key in every:
         (rows_folder / f"{key}.json").unlink(missing_ok=True)

@@ -156,9 +156,7 @@ def test_no_value_may_be_lost_unless_a_share_is_tolerated():
     assert lost_values(there, np.arange(40) >= 3, True) == lost_values(there, np.arange(40) >= 3, False) == words
     assert lost_values(~few, few, True) == "b lacks 2 of the 2 values that a has"
     assert lost_values(few, there, False) == ""
-    assert lost_values(np.arange(100) >= 9, np.arange(10) >= 9, False) == (
-        "b lacks 8 of the 9 values that it would have as often as a"
-    )
+    assert lost_values(np.arange(100) >= 9, np.arange(10) >= 9, False) == "b has 1 of 10 values, a 91 of 100"
     assert lost_values(np.ones(5, dtype=bool), np.arange(100) >= 5, False, 0.05) == ""
     assert lost_values(few, np.arange(60) >= 3, False, 0.05) == ""
     assert lost_values(~there, ~there, True) == ""

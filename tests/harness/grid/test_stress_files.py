@@ -167,7 +167,7 @@ def test_only_the_runs_of_a_tracker_whose_module_changed_are_made_again_and_that
     run_stress(request, out, again, resume=True, user=telling(said))
     assert {run.variant for cell in again.cells for run in cell.runs} == {"my_changing_tracker:make"}
     assert said == [
-        "warned my_changing_tracker has changed since 4 runs by it were made; they are made again",
+        "warned my_changing_tracker has changed since 4 runs with it were made; they are made again",
         "4 runs are kept, 4 are made",
     ]
     run_stress(request, out, MadeUp(), resume=True, user=telling(said))
@@ -183,7 +183,7 @@ def test_runs_on_a_network_that_was_edited_are_made_again_and_that_is_said(tmp_p
     run_stress(request, out, again, resume=True, user=telling(said))
     assert len(again.cells) == 4
     assert said[0] == "8 runs are kept, 0 are made"
-    assert said[1] == f"warned {net} has changed since 8 runs by it were made; they are made again"
+    assert said[1] == f"warned {net} has changed since 8 runs with it were made; they are made again"
 
 
 def test_a_fitted_model_is_part_of_a_runs_label_and_of_what_is_made_again(tmp_path):
@@ -199,7 +199,7 @@ def test_a_fitted_model_is_part_of_a_runs_label_and_of_what_is_made_again(tmp_pa
     file.write_bytes(file.read_bytes() + b" ")
     run_stress(request, out, again, resume=True, user=telling(said))
     assert len(again.cells) == 4
-    assert said[0] == f"warned {file} has changed since 4 runs by it were made; they are made again"
+    assert said[0] == f"warned {file} has changed since 4 runs with it were made; they are made again"
 
 
 def test_every_recording_is_read_once_before_any_run(tmp_path, monkeypatch):
