@@ -101,8 +101,7 @@ def costs(table: pd.DataFrame) -> list[Cost]:
         usual = rows[rows[MISMATCH] == AS_IS].set_index(RUN)[HOTA]
         for mismatch, some in rows.groupby(MISMATCH, sort=False):
             here = some.set_index(RUN).reindex(columns=[*SCORES.values()]).astype(float)
-            pairs = pd.DataFrame({"usual": usual.reindex(here.index), "here": here[HOTA]}).dropna()
-            loss = lead(pairs)
+            loss = lead(pd.DataFrame({"usual": usual.reindex(here.index), "here": here[HOTA]}).dropna())
             hota = here[HOTA].dropna().groupby("unit").agg(["sum", "count"]).to_numpy(dtype=np.float64)
             interval = possible_ci(hota[:, 0], hota[:, 1], Possible(most=100.0))
             found.append(
@@ -111,7 +110,7 @@ def costs(table: pd.DataFrame) -> list[Cost]:
                     model=str(model),
                     mismatch=str(mismatch),
                     hota_loss=loss.difference,
-                    hota_loss_ci95=_interval(loss, pairs["usual"].mean()),
+                    hota_loss_ci95=_interval(loss),
                     runs=len(some),
                     hota_ci95=(interval.low, interval.high),
                     **dict(zip(SCORES, here.mean(), strict=True)),
@@ -135,8 +134,7 @@ def leads(table: pd.DataFrame) -> list[Lead]:
                 best = str(others.mean().idxmax())
                 pairs = values[[first, best]].dropna()
                 ahead = lead(pairs)
-                interval = _interval(ahead, pairs[first].mean())
-                found.append(Lead(str(mismatch), score, first, best, ahead.difference, interval, len(pairs)))
+                found.append(Lead(str(mismatch), score, first, best, ahead.difference, _interval(ahead), len(pairs)))
     return found
 
 
@@ -196,12 +194,10 @@ def costs_markdown(found: Sequence[Cost], failures: Sequence[str], ahead: Sequen
     return markdown_page(parts)
 
 
-def _interval(effect: Effect, percent: float) -> tuple[float, float]:
-    """Return what another percentage may be less than this one; nan where few units tell of more than is possible."""
-    (low, high), (least, most) = effect.ci95, (percent - 100.0, percent)
-    if effect.se <= 0.0 or (effect.units < FEWEST_TOLD and (low < least or high > most)):
-        return NAN, NAN
-    return max(low, least), min(high, most)
+def _interval(effect: Effect) -> tuple[float, float]:
+    """Return the interval of a difference of percentages; nan where few units tell of more than 100 points."""
+    impossible = effect.units < FEWEST_TOLD and max(map(abs, effect.ci95)) > 100.0
+    return (NAN, NAN) if effect.se <= 0.0 or impossible else effect.ci95
 
 
 def _points(value: float, ends: tuple[float, float]) -> str:

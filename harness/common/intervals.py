@@ -79,7 +79,10 @@ def possible_ci(sums: FloatArray, counts: FloatArray, possible: Possible) -> Int
 
 
 def clustered_ci(values: FloatArray, cluster: IntArray) -> Interval:
-    """Return the 95 % interval of the mean of values that are not negative, both of shape (n,), over their clusters."""
+    """Return the 95 % interval of the mean of values that are not negative, over their clusters, both of shape (n,).
+
+    Bounds are nan with fewer than two clusters.
+    """
     names, place = np.unique(cluster, return_inverse=True)
     sums, counts = (np.bincount(place, each, len(names)).astype(np.float64) for each in (values, np.ones(len(values))))
     return possible_ci(sums, counts, NONNEGATIVE)

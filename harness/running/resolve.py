@@ -102,7 +102,7 @@ def _recorded_traffic_part(path: Path, asked: Mapping[str, Any]) -> dict[str, An
 
 
 def _recorded_part(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Return traffic, sensor and (unless asked otherwise) seed of the recording; refuse what contradicts them."""
+    """Return traffic, sensor and (unless asked otherwise) seed and alterations; refuse what contradicts them."""
     runfolder.read_manifest(folder, "replay", ended=False)
     config = config_from_table(runfolder.read_config_table(folder, "replay"))
     if asked.get("sensor", {}).get("profile") != config.sensor.profile:
